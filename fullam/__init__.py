@@ -1,0 +1,1 @@
+"""Fully-actuated aerial manipulators on Pinocchio."""

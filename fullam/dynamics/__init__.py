@@ -1,0 +1,1 @@
+"""How the vehicle moves: the paper's equations, their witness, and integrators."""

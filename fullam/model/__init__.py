@@ -1,0 +1,1 @@
+"""What the vehicle is: constant data, from URDF and TOML to model and rotors."""

@@ -1,0 +1,210 @@
+"""Rotors and the coupling matrix, eqs. (27)-(35): from squared speeds to a wrench on {A}."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fullam.exceptions import VehicleError
+
+Array = NDArray[np.float64]
+
+UNIT_TOLERANCE = 1e-3
+"""How far a thrust axis may be from unit length: published tables carry four digits."""
+
+
+def thrust(k_f: ArrayLike, speed: ArrayLike) -> Array:
+    """Thrust of a rotor, f = k_f Omega^2, eq. (27).
+
+    Args:
+        k_f: Thrust coefficient [N/(rad/s)^2].
+        speed: Rotor speed Omega [rad/s].
+
+    Returns:
+        Thrust along the rotor's axis [N].
+    """
+    return np.asarray(k_f, dtype=float) * np.square(np.asarray(speed, dtype=float))
+
+
+def rotor_forces(axes: Array, k_f: Array, squared_speeds: Array) -> Array:
+    """Force of each rotor in {A}, F_i = e_i k_f Omega_i^2, eq. (28).
+
+    Args:
+        axes: Thrust axes e^F, shape (n, 3), unit, in {A}.
+        k_f: Thrust coefficients, shape (n,) [N/(rad/s)^2].
+        squared_speeds: Omega_i^2, shape (n,) [(rad/s)^2].
+
+    Returns:
+        Forces, shape (n, 3) [N].
+    """
+    return axes * (k_f * squared_speeds)[:, None]
+
+
+def net_force(axes: Array, k_f: Array, squared_speeds: Array) -> Array:
+    """Sum of the rotor forces in {A}, F = k_f e^F Omega, eq. (29); shape (3,) [N].
+
+    Arguments as in `rotor_forces`.
+    """
+    return (axes * k_f[:, None]).T @ squared_speeds
+
+
+def rotor_moments(
+    positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array, squared_speeds: Array
+) -> Array:
+    """Moment of each rotor about the origin of {A}, eq. (30).
+
+    tau_i = r_i x e_i k_f Omega_i^2 + d_i k_tau e_i Omega_i^2: lever arm plus drag torque.
+
+    Args:
+        positions: Hubs r_i in {A}, shape (n, 3) [m].
+        axes: Thrust axes, shape (n, 3), unit.
+        spins: d_i, shape (n,), +1 or -1: sign of the drag torque along the thrust axis.
+        k_f: Thrust coefficients, shape (n,) [N/(rad/s)^2].
+        k_tau: Drag coefficients, shape (n,) [N m/(rad/s)^2].
+        squared_speeds: Omega_i^2, shape (n,) [(rad/s)^2].
+
+    Returns:
+        Moments, shape (n, 3) [N m].
+    """
+    lever = np.cross(positions, axes) * (k_f * squared_speeds)[:, None]
+    return lever + axes * (spins * k_tau * squared_speeds)[:, None]
+
+
+def moment_map(position: Array, spin: float, k_f: float, k_tau: float) -> Array:
+    """s_tau(r, d, k_f, k_tau) = s(k_f r) + d k_tau 1, eqs. (31)-(32); shape (3, 3).
+
+    Applied to a thrust axis it gives the moment of that rotor per squared speed.
+    """
+    r1, r2, r3 = k_f * position
+    drag = spin * k_tau
+    return np.array([[drag, -r3, r2], [r3, drag, -r1], [-r2, r1, drag]])
+
+
+def moment_matrix(positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array) -> Array:
+    """M_tau of eq. (33), one column s_tau(r_i, d_i, k_f, k_tau) e_i per rotor; shape (3, n)."""
+    columns = [
+        moment_map(r, d, kf, kt) @ e
+        for r, e, d, kf, kt in zip(positions, axes, spins, k_f, k_tau, strict=True)
+    ]
+    return np.stack(columns, axis=1)
+
+
+def coupling_matrix(positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array) -> Array:
+    """Coupling matrix [k_f e^F; M_tau] of eq. (34), shape (6, n).
+
+    Maps squared speeds [(rad/s)^2] to the rotor wrench in {A} axes at the origin of {A},
+    force [N] then moment [N m].
+    """
+    force = (axes * k_f[:, None]).T
+    return np.vstack([force, moment_matrix(positions, axes, spins, k_f, k_tau)])
+
+
+def world_wrench(R_WA: Array, wrench_A: Array) -> Array:
+    """Turn a wrench from {A} to world axes, blkdiag(R, R) w, eq. (35) with its erratum."""
+    return np.concatenate([R_WA @ wrench_A[:3], R_WA @ wrench_A[3:]])
+
+
+@dataclass(frozen=True, eq=False)
+class Rotors:
+    """The rotors of a vehicle, as read-only columns; row i is rotor i.
+
+    Attributes:
+        names: One name per rotor.
+        positions: Hubs in {A}, shape (n, 3) [m].
+        axes: Thrust axes in {A}, shape (n, 3); normalised on entry.
+        spins: Sign of the drag torque along the thrust axis, shape (n,), +1 or -1.
+        k_f: Thrust coefficients, shape (n,) [N/(rad/s)^2].
+        k_tau: Drag-torque coefficients, shape (n,) [N m/(rad/s)^2].
+        max_speeds: Largest speeds, shape (n,) [rad/s]; 0 is a failed rotor.
+        lags: First-order time constants of the speed, shape (n,) [s].
+        where: What an error message names as the source of the data.
+    """
+
+    names: tuple[str, ...]
+    positions: Array
+    axes: Array
+    spins: Array
+    k_f: Array
+    k_tau: Array
+    max_speeds: Array
+    lags: Array
+    where: str = "rotors"
+
+    def __post_init__(self) -> None:
+        """Check shapes and ranges, normalise the axes, freeze the arrays."""
+        n = len(self.names)
+        if n == 0:
+            raise VehicleError(self.where, "rotors", "there is none", "give at least one rotor")
+        shapes = {"positions": (n, 3), "axes": (n, 3)}
+        for field in ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags"):
+            value = np.array(getattr(self, field), dtype=float)
+            shape = shapes.get(field, (n,))
+            if value.shape != shape:
+                raise VehicleError(
+                    self.where, field, f"has shape {value.shape}", f"{n} rotors need {shape}"
+                )
+            if not np.all(np.isfinite(value)):
+                raise VehicleError(self.where, field, "is not finite", "give finite numbers")
+            object.__setattr__(self, field, value)
+        lengths = np.linalg.norm(self.axes, axis=1)
+        for name, length in zip(self.names, lengths, strict=True):
+            if abs(length - 1.0) > UNIT_TOLERANCE:
+                raise VehicleError(
+                    self.where,
+                    f"axis of rotor '{name}'",
+                    f"has length {length:.6g}",
+                    f"a thrust axis is a unit vector (within {UNIT_TOLERANCE:g})",
+                )
+        object.__setattr__(self, "axes", self.axes / lengths[:, None])
+        self._require("spins", np.isin(self.spins, (-1.0, 1.0)), "spin is +1 or -1")
+        self._require("k_f", self.k_f > 0, "a thrust coefficient is positive")
+        self._require("k_tau", self.k_tau >= 0, "a drag coefficient is not negative; use the spin")
+        self._require("max_speeds", self.max_speeds >= 0, "a largest speed is not negative")
+        self._require("lags", self.lags >= 0, "a lag is not negative")
+        for field in ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags"):
+            getattr(self, field).setflags(write=False)
+
+    def _require(self, field: str, good: NDArray[np.bool_], remedy: str) -> None:
+        bad = np.flatnonzero(~good)
+        if bad.size:
+            value = getattr(self, field)[bad[0]]
+            raise VehicleError(
+                self.where, f"{field} of rotor '{self.names[bad[0]]}'", f"is {value:g}", remedy
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of rotors."""
+        return len(self.names)
+
+    @cached_property
+    def coupling_matrix(self) -> Array:
+        """Eq. (34): squared speeds [(rad/s)^2] to wrench_A, shape (6, n), read-only."""
+        matrix = coupling_matrix(self.positions, self.axes, self.spins, self.k_f, self.k_tau)
+        matrix.setflags(write=False)
+        return matrix
+
+    @cached_property
+    def normalized_coupling(self) -> Array:
+        """Columns scaled by the largest squared speeds: u in [0, 1]^n to wrench_A, (6, n)."""
+        matrix = self.coupling_matrix * np.square(self.max_speeds)
+        matrix.setflags(write=False)
+        return matrix
+
+    @property
+    def max_thrusts(self) -> Array:
+        """Largest thrust of each rotor, eq. (27), shape (n,) [N]."""
+        return thrust(self.k_f, self.max_speeds)
+
+    def wrench(self, speeds: ArrayLike) -> Array:
+        """Wrench of the rotors at the given speeds [rad/s], eq. (34), in {A}, shape (6,)."""
+        return self.coupling_matrix @ np.square(np.asarray(speeds, dtype=float))
+
+    def with_failed(self, *indices: int) -> Rotors:
+        """The same rotors with the given ones stopped: their largest speed becomes 0."""
+        max_speeds = self.max_speeds.copy()
+        max_speeds[list(indices)] = 0.0
+        return replace(self, max_speeds=max_speeds)

@@ -1,0 +1,1 @@
+"""What happens: plant, sensors, weather, references, scenarios, and the run they leave."""
