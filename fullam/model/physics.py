@@ -1,0 +1,179 @@
+"""Can this body exist? Physical checks of the masses and inertias that a URDF states.
+
+Pinocchio and yourdfpy both accept impossible inertias, so the checks are made here, on the URDF's
+own links: a model merges the links behind fixed joints, and a bad one hides in a good sum.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.exceptions import VehicleError
+
+Array = NDArray[np.float64]
+
+INERTIA_TOLERANCE = 1e-3
+"""Slack of both inertia checks, relative to the largest principal moment.
+
+Published tensors carry four or five digits and thin plates sit exactly on the triangle inequality,
+so rounding alone may break it by some 1e-4; a real mistake (swapped, negated or mis-scaled
+entries) breaks it by percents."""
+
+MASS_TOLERANCE = 1e-3
+"""How far a declared mass may be from the sum over the links, relative: data sheets give grams."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkInertia:
+    """Mass properties of one URDF link.
+
+    Attributes:
+        link: Name of the link.
+        mass: Mass [kg]; 0 for a link that only carries a frame.
+        inertia: Rotational inertia about the centre of mass, in the axes of the URDF's inertial
+            frame, shape (3, 3) [kg m^2].
+    """
+
+    link: str
+    mass: float
+    inertia: Array
+
+
+def parse_urdf(text: str, where: str) -> ElementTree.Element:
+    """The root element of a URDF.
+
+    Args:
+        text: The URDF's XML.
+        where: What an error message names as its source.
+
+    Raises:
+        VehicleError: If the text is not XML, or its root is not <robot>.
+    """
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise VehicleError(where, "XML", str(error), "give a well-formed URDF") from error
+    if root.tag != "robot":
+        raise VehicleError(where, f"<{root.tag}>", "is the root element", "a URDF starts <robot>")
+    return root
+
+
+def link_inertias(robot: ElementTree.Element, where: str) -> list[LinkInertia]:
+    """Mass properties of every link that states them, in the URDF's order.
+
+    Raises:
+        VehicleError: If a number is missing or is not one.
+    """
+    found = []
+    for link in robot.iter("link"):
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+        name = link.get("name", "")
+        mass = _attribute(inertial, "mass", "value", name, where)
+        xx, xy, xz, yy, yz, zz = (
+            _attribute(inertial, "inertia", key, name, where)
+            for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        )
+        found.append(LinkInertia(name, mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])))
+    return found
+
+
+def _attribute(inertial: ElementTree.Element, tag: str, key: str, link: str, where: str) -> float:
+    element = inertial.find(tag)
+    text = None if element is None else element.get(key)
+    field = f"{tag}/{key} of link '{link}'"
+    if text is None:
+        raise VehicleError(where, field, "is missing", "state it, or drop the <inertial>")
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise VehicleError(where, field, f"is '{text}'", "give a number") from error
+    if not np.isfinite(value):
+        raise VehicleError(where, field, f"is {value}", "give a finite number")
+    return value
+
+
+def inertia_problem(inertia: Array) -> str | None:
+    """What is impossible about a rotational inertia about the centre of mass, or None.
+
+    The principal moments of a rigid body are positive, and none exceeds the sum of the other two
+    (I_x + I_y - I_z = 2 sum m z^2 >= 0), both within `INERTIA_TOLERANCE` of the largest.
+
+    Args:
+        inertia: Shape (3, 3), symmetric [kg m^2].
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    slack = INERTIA_TOLERANCE * np.max(np.abs(moments))
+    if moments[0] <= 0.0 and not (moments[0] >= -slack and moments[1] > 0.0):
+        return f"has principal moments {_listed(moments)}, not all positive"
+    excess = moments[2] - moments[0] - moments[1]
+    if excess > slack:
+        return (
+            f"has principal moments {_listed(moments)}, the largest above the sum of the other two"
+        )
+    return None
+
+
+def _listed(moments: NDArray[np.floating]) -> str:
+    return ", ".join(f"{moment:.4g}" for moment in moments)
+
+
+def check_links(robot: ElementTree.Element, where: str) -> None:
+    """Every link has a mass that is not negative and an inertia that a body can have.
+
+    A link of mass zero carries a frame; its inertia must be zero too.
+
+    Raises:
+        VehicleError: Naming the file, the link and the remedy.
+    """
+    for body in link_inertias(robot, where):
+        if body.mass < 0.0:
+            raise VehicleError(
+                where,
+                f"mass of link '{body.link}'",
+                f"is {body.mass:g} kg",
+                "a mass is positive, or 0 on a link that only carries a frame",
+            )
+        if body.mass == 0.0:
+            if np.any(body.inertia):
+                raise VehicleError(
+                    where,
+                    f"inertia of link '{body.link}'",
+                    "is not zero although the mass is",
+                    "give the link a mass, or no inertia",
+                )
+            continue
+        problem = inertia_problem(body.inertia)
+        if problem is not None:
+            raise VehicleError(
+                where,
+                f"inertia of link '{body.link}'",
+                problem,
+                "state it about the centre of mass [kg m^2], positive definite and with each "
+                "principal moment at most the sum of the other two",
+            )
+
+
+def check_total_mass(declared: float, total: float, where: str) -> None:
+    """The declared mass is the sum over the links, within `MASS_TOLERANCE`.
+
+    Args:
+        declared: Mass that the TOML states [kg].
+        total: Sum over the URDF's links [kg].
+        where: The TOML, for the message.
+
+    Raises:
+        VehicleError: If they differ by more.
+    """
+    if not abs(declared - total) <= MASS_TOLERANCE * total:
+        raise VehicleError(
+            where,
+            "mass",
+            f"is {declared:g} kg, but the links of the URDF weigh {total:.6g} kg together",
+            "correct the one that is wrong, or leave `mass` out",
+        )

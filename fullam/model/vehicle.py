@@ -1,0 +1,249 @@
+"""A vehicle: a platform with rotors and an arm, as a Pinocchio model and a table of rotors."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from fullam.exceptions import NotFullyActuated, VehicleError
+from fullam.model import definition as read
+from fullam.model.physics import check_links, check_total_mass, parse_urdf
+from fullam.model.rotors import Rotors
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+"""Gravity when the definition states none [m/s^2]."""
+
+RANK_TOLERANCE = 1e-4
+"""Singular values below this share of the largest count as zero.
+
+Angles in URDFs carry about five digits (1.5708), so parallel rotors come out parallel to 1e-5
+only; and an axis reached with a ten-thousandth of the authority of another cannot be flown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """What the vehicle is: constant data that every other room reads.
+
+    The configuration is q = [p, quaternion xyzw, theta] and the velocity v = [v_A, w_A, dtheta],
+    both of the platform in body axes, as Pinocchio's free flyer has them; {A} is the frame of the
+    platform's link.
+
+    Attributes:
+        name: Short name.
+        description: One sentence.
+        urdf: The URDF's text.
+        platform: Link that carries the rotors; its frame is {A}.
+        arm_joints: Names of the arm's joints, base to tip.
+        tool: Frame at the tip of the arm.
+        model: Pinocchio model: free flyer, then the arm. Links behind fixed joints are merged.
+        rotors: The rotors, in {A}.
+        definition: The parsed TOML; with `urdf` it rebuilds the vehicle.
+        source: File that the definition was read from, if any.
+    """
+
+    name: str
+    description: str
+    urdf: str
+    platform: str
+    arm_joints: tuple[str, ...]
+    tool: str
+    model: pin.Model
+    rotors: Rotors
+    definition: dict[str, Any]
+    source: str | None = None
+
+    @classmethod
+    def from_definition(
+        cls, definition: Mapping[str, Any], urdf_text: str, source: str | None = None
+    ) -> Vehicle:
+        """Build a vehicle from data alone; equal data give equal bits.
+
+        Args:
+            definition: The parsed TOML (its `urdf` entry is not opened).
+            urdf_text: Text of the URDF.
+            source: File that the definition came from; error messages name it.
+
+        Raises:
+            VehicleError: If the data are incomplete or describe no physical vehicle.
+        """
+        where = source or f"vehicle '{definition.get('name', '?')}'"
+        read.check_keys(definition, read.TOP_KEYS, where, "")
+        name = read.text(definition, "name", where)
+        platform = read.text(definition, "platform", where)
+        tool = read.text(definition, "tool", where)
+        urdf_place = f"{where} (its URDF)"
+        robot = parse_urdf(urdf_text, urdf_place)
+        check_links(robot, urdf_place)
+        _check_root(robot, platform, where)
+        try:
+            model = pin.buildModelFromXML(urdf_text, pin.JointModelFreeFlyer())
+        except ValueError as error:
+            raise VehicleError(
+                urdf_place, "URDF", f"Pinocchio refuses it ({error})", "check joints and limits"
+            ) from error
+        gravity = read.number(definition.get("gravity", GRAVITY), where, "gravity")
+        model.gravity.linear = np.array([0.0, 0.0, -gravity])
+        model.name = name
+        if model.inertias[1].mass <= 0.0:
+            raise VehicleError(
+                urdf_place, f"link '{platform}'", "has no mass", "give it an <inertial>"
+            )
+        arm = read.names(definition, "arm", where)
+        read.check_arm(arm, model, where)
+        read.frame_id(model, tool, where, "tool")
+        if "mass" in definition:
+            declared = read.number(definition["mass"], where, "mass")
+            check_total_mass(declared, pin.computeTotalMass(model), where)
+        return cls(
+            name=name,
+            description=read.text(definition, "description", where, ""),
+            urdf=urdf_text,
+            platform=platform,
+            arm_joints=arm,
+            tool=tool,
+            model=model,
+            rotors=read.read_rotors(definition, model, where),
+            definition=copy.deepcopy(dict(definition)),
+            source=source,
+        )
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole vehicle [kg]."""
+        return float(sum(body.mass for body in self.model.inertias))
+
+    @property
+    def n_arm(self) -> int:
+        """Number of arm joints."""
+        return len(self.arm_joints)
+
+    @property
+    def gravity(self) -> float:
+        """Gravity [m/s^2], pointing along -z of {W}."""
+        return float(-self.model.gravity.linear[2])
+
+    @property
+    def platform_mass(self) -> float:
+        """m_A: mass of the platform with all links fixed to it [kg]."""
+        return float(self.model.inertias[1].mass)
+
+    @property
+    def platform_com(self) -> Array:
+        """Centre of mass of the platform in {A}, shape (3,) [m]; the paper has it at the origin."""
+        return np.array(self.model.inertias[1].lever)
+
+    @property
+    def platform_inertia(self) -> Array:
+        """I_A: inertia of the platform about its centre of mass, in {A} axes, (3, 3) [kg m^2]."""
+        return np.array(self.model.inertias[1].inertia)
+
+    def neutral(self, theta: ArrayLike | None = None) -> Array:
+        """A configuration q at the origin of {W}, level, with the arm at `theta` [rad] (or 0).
+
+        Raises:
+            VehicleError: If `theta` has not one entry per arm joint.
+        """
+        q = pin.neutral(self.model)
+        if theta is not None:
+            angles = np.asarray(theta, dtype=float)
+            if angles.shape != (self.n_arm,):
+                raise VehicleError(
+                    f"vehicle '{self.name}'",
+                    "theta",
+                    f"has shape {angles.shape}",
+                    f"give {self.n_arm} joint angles",
+                )
+            q[7:] = angles
+        return q
+
+    def create_data(self) -> pin.Data:
+        """A fresh Pinocchio workspace; each owner has its own."""
+        return self.model.createData()
+
+    def actuation_rank(self, axes: ArrayLike | None = None) -> int:
+        """Rank of the coupling matrix (34) on some wrench axes.
+
+        Args:
+            axes: Mask or indices of the six axes, force then moment; all by default.
+        """
+        rows = slice(None) if axes is None else np.asarray(axes)
+        singular = np.linalg.svd(self.rotors.normalized_coupling[rows], compute_uv=False)
+        return int(np.sum(singular > RANK_TOLERANCE * max(singular[0], np.finfo(float).tiny)))
+
+    def require_full_actuation(self, axes: ArrayLike | None = None) -> None:
+        """Refuse to control axes that the rotors cannot produce independently.
+
+        Args:
+            axes: Mask or indices of the six axes, force then moment; all by default.
+
+        Raises:
+            NotFullyActuated: If the rank of (34) on them is below their number.
+        """
+        asked = len(np.arange(6)[slice(None) if axes is None else np.asarray(axes)])
+        rank = self.actuation_rank(axes)
+        if rank < asked:
+            raise NotFullyActuated(
+                self.name,
+                rank,
+                asked,
+                "tilt the rotors, or control fewer axes (parallel rotors: z, and the moments)",
+            )
+
+    def __repr__(self) -> str:
+        """Name, sizes and mass."""
+        return (
+            f"Vehicle({self.name!r}, {self.rotors.count} rotors, {self.n_arm} arm joints, "
+            f"{self.mass:.3f} kg)"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as data: Pinocchio's own archive rounds, and this does not."""
+        bodies = [(float(b.mass), np.array(b.lever), np.array(b.inertia)) for b in self.bodies]
+        return _restore, (self.definition, self.urdf, self.source, self.rotors, bodies)
+
+    @property
+    def bodies(self) -> list[pin.Inertia]:
+        """Inertia of the platform, then of each arm link, in their joints' frames."""
+        return list(self.model.inertias)[1:]
+
+
+def _check_root(robot: Any, platform: str, where: str) -> None:
+    children = {joint.find("child").get("link") for joint in robot.findall("joint")}
+    roots = [link.get("name") for link in robot.findall("link") if link.get("name") not in children]
+    floating = [j.get("name") for j in robot.findall("joint") if j.get("type") == "floating"]
+    if floating:
+        raise VehicleError(
+            where,
+            f"joint '{floating[0]}'",
+            "is a floating joint in the URDF",
+            "root the URDF at the platform's link; the free flyer is added on loading",
+        )
+    if roots != [platform]:
+        raise VehicleError(
+            where, "platform", f"'{platform}' is not the root link", f"the URDF's root is {roots}"
+        )
+
+
+def _restore(
+    definition: dict[str, Any],
+    urdf: str,
+    source: str | None,
+    rotors: Rotors,
+    bodies: list[tuple[float, Array, Array]],
+) -> Vehicle:
+    built = Vehicle.from_definition(definition, urdf, source)
+    for index, (mass, lever, inertia) in enumerate(bodies, start=1):
+        built.model.inertias[index] = pin.Inertia(mass, lever, inertia)
+    for value in vars(rotors).values():  # numpy forgets the read-only flag when it pickles
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+    object.__setattr__(built, "rotors", rotors)
+    return built
