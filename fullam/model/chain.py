@@ -1,0 +1,175 @@
+"""The platform and its serial arm as plain arrays, read from a Pinocchio model.
+
+These are the constants of the paper's equations (6)-(13): they are read from the model, so any
+serial arm of revolute joints that a URDF gives is covered, and its joint axes need not be z.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from fullam.exceptions import UnknownName, VehicleError
+
+if TYPE_CHECKING:
+    from fullam.model.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+ROOT = 1
+"""Index of the free-flyer joint, and so of link 0, in a Pinocchio model."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkChain:
+    """Constants of link 0 (the platform) and links 1..n, as read-only arrays.
+
+    Every array may carry leading axes, one entry per sample, so that a batch of states can have
+    a batch of parameters; see `stack`. Link frames {M_i} are the joint frames after rotation.
+
+    Attributes:
+        mass: Masses m_i, shape (..., n+1) [kg].
+        com: Centres of mass ^iP_i^c in the link's frame, shape (..., n+1, 3) [m].
+        inertia: Inertias about the centre of mass in link axes, (..., n+1, 3, 3) [kg m^2].
+        placement_R: Rotation {M_{i-1}} to {M_i} at theta_i = 0, shape (..., n, 3, 3).
+        placement_P: ^{i-1}P_i, shape (..., n, 3) [m].
+        axis: Joint axis in {M_i}, unit, shape (..., n, 3); Craig's is z.
+        tool_P: Tool point ^nP_{n+1} in {M_n}, shape (..., 3) [m].
+        gravity: Acceleration of gravity in {W}, shape (..., 3) [m/s^2].
+    """
+
+    mass: Array
+    com: Array
+    inertia: Array
+    placement_R: Array
+    placement_P: Array
+    axis: Array
+    tool_P: Array
+    gravity: Array
+
+    def __post_init__(self) -> None:
+        """Own the arrays and freeze them."""
+        for field in fields(self):
+            value = np.array(getattr(self, field.name), dtype=float)
+            value.setflags(write=False)
+            object.__setattr__(self, field.name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of joints, and of links beside the platform."""
+        return self.mass.shape[-1] - 1
+
+    @classmethod
+    def from_model(cls, model: pin.Model, tool: str | None = None) -> LinkChain:
+        """Read the chain from a model with a free flyer and a serial arm of revolute joints.
+
+        Args:
+            model: The Pinocchio model.
+            tool: Frame of the tool point; the origin of the last joint when absent.
+
+        Raises:
+            VehicleError: The model is not such a chain; the message names the joint.
+            UnknownName: There is no such tool frame.
+        """
+        joints = range(ROOT + 1, model.njoints)
+        if model.njoints <= ROOT or model.joints[ROOT].shortname() != "JointModelFreeFlyer":
+            raise VehicleError(
+                model.name, "root joint", "is no free flyer", "load it with a free-flyer root"
+            )
+        links = [model.inertias[j] for j in range(ROOT, model.njoints)]
+        placements = [model.jointPlacements[j] for j in joints]
+        tool_P = np.zeros(3)
+        if tool is not None:
+            if not model.existFrame(tool):
+                raise UnknownName("frame", tool, [frame.name for frame in model.frames])
+            frame = model.frames[model.getFrameId(tool)]
+            if frame.parentJoint != model.njoints - 1:
+                raise VehicleError(
+                    model.name, f"tool '{tool}'", "is not on the last link", "give one that is"
+                )
+            tool_P = frame.placement.translation
+        return cls(
+            mass=np.array([link.mass for link in links]),
+            com=np.array([link.lever for link in links]),
+            inertia=np.array([link.inertia for link in links]),
+            placement_R=np.array([M.rotation for M in placements]).reshape(-1, 3, 3),
+            placement_P=np.array([M.translation for M in placements]).reshape(-1, 3),
+            axis=np.array([_revolute_axis(model, j) for j in joints]).reshape(-1, 3),
+            tool_P=tool_P,
+            gravity=model.gravity.linear,
+        )
+
+    @classmethod
+    def from_vehicle(cls, vehicle: Vehicle) -> LinkChain:
+        """Read the chain of a vehicle, with the vehicle's tool; errors as in `from_model`."""
+        return cls.from_model(vehicle.model, vehicle.tool)
+
+    @classmethod
+    def stack(cls, chains: Sequence[LinkChain]) -> LinkChain:
+        """One chain whose arrays have a leading axis over the given ones (of equal n)."""
+        return cls(
+            **{
+                field.name: np.stack([getattr(chain, field.name) for chain in chains])
+                for field in fields(cls)
+            }
+        )
+
+
+def _revolute_axis(model: pin.Model, joint: int) -> Array:
+    """Unit axis of a revolute joint; VehicleError when it is not one or not in the chain."""
+    name, kind = model.names[joint], model.joints[joint]
+    if model.parents[joint] != joint - 1:
+        raise VehicleError(
+            model.name,
+            f"joint '{name}'",
+            f"hangs on '{model.names[model.parents[joint]]}', so the arm branches",
+            "the equations hold for one serial arm",
+        )
+    data = kind.createData()
+    if kind.nq == 1 and kind.nv == 1:
+        kind.calc(data, np.zeros(1))
+        subspace = np.asarray(data.S, dtype=float).reshape(6)
+        if not np.any(subspace[:3]):
+            return subspace[3:]
+    raise VehicleError(
+        model.name,
+        f"joint '{name}'",
+        f"is a {kind.shortname()}",
+        "the arm's joints must be revolute with limits (not continuous, not prismatic)",
+    )
+
+
+def release_joint(urdf: str, joint: str) -> str:
+    """The same URDF with one fixed joint turned into a revolute one about its z.
+
+    The paper counts the end effector as a fifth link behind a "joint" with theta_5 = 0, while a
+    URDF reader merges it into link 4. Released, it is a body of its own again: held at zero, the
+    vehicle moves as before, and f_5, tau_5 show.
+
+    Args:
+        urdf: URDF text.
+        joint: Name of the fixed joint.
+
+    Returns:
+        URDF text.
+
+    Raises:
+        UnknownName: There is no fixed joint of that name.
+    """
+    robot = ET.fromstring(urdf)  # a file of the user's own, as everywhere in fullam
+    fixed = {e.get("name", ""): e for e in robot.findall("joint") if e.get("type") == "fixed"}
+    if joint not in fixed:
+        raise UnknownName("fixed joint", joint, fixed)
+    element = fixed[joint]
+    element.set("type", "revolute")
+    for child in element.findall("axis") + element.findall("limit"):
+        element.remove(child)
+    ET.SubElement(element, "axis", xyz="0 0 1")
+    ET.SubElement(element, "limit", lower="-1", upper="1", effort="1", velocity="1")
+    return ET.tostring(robot, encoding="unicode")
