@@ -204,15 +204,12 @@ class Vehicle:
             f"{self.mass:.3f} kg)"
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy as data: Pinocchio's own archive rounds, and this does not."""
-        bodies = [(float(b.mass), np.array(b.lever), np.array(b.inertia)) for b in self.bodies]
-        return _restore, (self.definition, self.urdf, self.source, self.rotors, bodies)
-
-    @property
-    def bodies(self) -> list[pin.Inertia]:
-        """Inertia of the platform, then of each arm link, in their joints' frames."""
-        return list(self.model.inertias)[1:]
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore from a pickle or copy, which forget that the arrays are read-only."""
+        self.__dict__.update(state)
+        for value in vars(self.rotors).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
 
 
 def _check_root(robot: Any, platform: str, where: str) -> None:
@@ -230,20 +227,3 @@ def _check_root(robot: Any, platform: str, where: str) -> None:
         raise VehicleError(
             where, "platform", f"'{platform}' is not the root link", f"the URDF's root is {roots}"
         )
-
-
-def _restore(
-    definition: dict[str, Any],
-    urdf: str,
-    source: str | None,
-    rotors: Rotors,
-    bodies: list[tuple[float, Array, Array]],
-) -> Vehicle:
-    built = Vehicle.from_definition(definition, urdf, source)
-    for index, (mass, lever, inertia) in enumerate(bodies, start=1):
-        built.model.inertias[index] = pin.Inertia(mass, lever, inertia)
-    for value in vars(rotors).values():  # numpy forgets the read-only flag when it pickles
-        if isinstance(value, np.ndarray):
-            value.setflags(write=False)
-    object.__setattr__(built, "rotors", rotors)
-    return built
