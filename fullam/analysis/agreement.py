@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from fullam.analysis.random_states import CATEGORIES, States, random_states, randomized_inertias
 from fullam.dynamics import matrix_system, newton_euler
-from fullam.dynamics.kinematics import link_acceleration, link_motion
+from fullam.dynamics.kinematics import link_acceleration, motion_of
 from fullam.dynamics.multibody import Multibody, world_acceleration
-from fullam.dynamics.rotations import quaternion_rotation, turn
+from fullam.dynamics.rotations import turn
 from fullam.model.chain import LinkChain
 
 if TYPE_CHECKING:
@@ -119,16 +119,8 @@ def recursion_and_matrix(chain: LinkChain, states: States) -> tuple[Answers, Ans
         chain: Constants of the links, one set or one per state.
         states: The states.
     """
-    R_WA = quaternion_rotation(states.q[:, 3:7])
-    motion = link_motion(
-        chain,
-        R_WA,
-        states.q[:, :3],
-        turn(R_WA, states.v[:, 3:6]),
-        turn(R_WA, states.v[:, :3]),
-        states.q[:, 7:],
-        states.v[:, 6:],
-    )
+    motion = motion_of(chain, states.q, states.v)
+    R_WA = motion.R[:, 0]
     wrench_W = np.hstack([turn(R_WA, states.wrench_A[:, :3]), turn(R_WA, states.wrench_A[:, 3:])])
     ddp_dw = newton_euler.base_acceleration(
         chain, motion, states.ddtheta, wrench_W, states.tool_wrench

@@ -59,7 +59,7 @@ def random_states(n: int, category: str, count: int, rng: np.random.Generator) -
         side = rng.choice([-1.0, 1.0], count)
         euler[:, 1] = side * (np.pi / 2 - 10.0 ** rng.uniform(-12, -3, count))
     if category == "stretched":
-        theta = rng.integers(-2, 3, (count, n)) * (np.pi / 2)
+        theta[:] = rng.integers(-2, 3, (count, n)) * (np.pi / 2)
         theta += rng.choice([0.0, 1e-9], (count, n)) * rng.normal(size=(count, n))
     half = 0.5 * logarithm(euler_rotation(euler))
     angle = np.linalg.norm(half, axis=1, keepdims=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.dynamics.rotations import cross, exponential, turn
+from fullam.dynamics.rotations import cross, exponential, quaternion_rotation, turn
 from fullam.model.chain import LinkChain
 from fullam.model.craig import homogeneous
 
@@ -235,6 +235,19 @@ def link_motion(
     w = angular_velocities(chain, R, w_W, dtheta)
     v, v_c = velocities(chain, R, w, v_W)
     return Motion(R, p, p_c, w, v, v_c, dtheta)
+
+
+def motion_of(chain: LinkChain, q: Array, v: Array) -> Motion:
+    """`link_motion` from Pinocchio's coordinates, one state or a batch.
+
+    Args:
+        chain: Constants of the links.
+        q: [p, quaternion xyzw, theta], shape (..., 7 + n).
+        v: [v_A, w_A, dtheta], the platform's in body axes, shape (..., 6 + n).
+    """
+    R_WA = quaternion_rotation(q[..., 3:7])
+    w_W, v_W = turn(R_WA, v[..., 3:6]), turn(R_WA, v[..., :3])
+    return link_motion(chain, R_WA, q[..., :3], w_W, v_W, q[..., 7:], v[..., 6:])
 
 
 def link_acceleration(

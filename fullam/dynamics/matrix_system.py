@@ -161,6 +161,17 @@ class MatrixSystem:
                 self._set(at.moment_rows(i), at.tau(i + 1), eye)
                 self._set(at.force_rows(i), at.f(i + 1), eye)
 
+    @property
+    def motion(self) -> Motion:
+        """The state last assembled.
+
+        Raises:
+            FullamError: Nothing has been assembled.
+        """
+        if self._motion is None:
+            raise FullamError("the system holds no state yet; call assemble() first")
+        return self._motion
+
     def assemble(self, motion: Motion, ddtheta: Array, tool_wrench: Array | None = None) -> None:
         """Write the blocks of eqs. (22)-(25) that depend on the state, errata applied.
 
@@ -208,7 +219,7 @@ class MatrixSystem:
         Raises:
             FullamError: Nothing has been assembled.
         """
-        motion = self._assembled()
+        motion = self.motion
         U_f = wrench_W[..., :3]
         b = np.array(np.broadcast_to(self.b, (*wrench_W.shape[:-1], self.layout.size)))
         b[..., self.layout.force_rows(0)] += U_f
@@ -228,7 +239,7 @@ class MatrixSystem:
         Raises:
             FullamError: Nothing has been assembled.
         """
-        motion, at = self._assembled(), self.layout
+        motion, at = self.motion, self.layout
         M = self.M.copy()
         M[..., :6, :] = 0.0
         M[..., :6, :6] = np.eye(6)
@@ -240,16 +251,10 @@ class MatrixSystem:
 
     def condition_number(self) -> Array:
         """Condition number of the assembled matrix in the 2-norm, shape (...)."""
-        self._assembled()
-        return np.linalg.cond(self.M)
+        return np.asarray(np.linalg.cond(self.M), dtype=np.float64)
 
     def _set(self, rows: slice, columns: slice, block: Array) -> None:
         self.M[..., rows, columns] = block
-
-    def _assembled(self) -> Motion:
-        if self._motion is None:
-            raise FullamError("the system holds no state yet; call assemble() first")
-        return self._motion
 
     @staticmethod
     def _from_origin(motion: Motion, dw: Array) -> Array:
@@ -259,9 +264,9 @@ class MatrixSystem:
 
     def _solution(self, M: Array, b: Array) -> SystemSolution:
         at, n = self.layout, self.chain.n
-        X_s = np.linalg.solve(M, b[..., None])[..., 0]
+        X_s = np.asarray(np.linalg.solve(M, b[..., None])[..., 0], dtype=np.float64)
         dw_A = X_s[..., at.dw_A]
-        ddp_A = X_s[..., at.ddp_A] - self._from_origin(self._assembled(), dw_A)
+        ddp_A = X_s[..., at.ddp_A] - self._from_origin(self.motion, dw_A)
         groups = X_s[..., 6:].reshape(*X_s.shape[:-1], 5, n, 3)
         return SystemSolution(
             X_s,

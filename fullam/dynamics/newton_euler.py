@@ -172,7 +172,8 @@ def base_acceleration(
         [ddp_A, dw_A] of the origin of {A} in world axes, shape (..., 6).
     """
     bias = inverse_dynamics(chain, motion, ddtheta, np.zeros(6), tool_wrench)
-    return np.linalg.solve(locked_inertia(chain, motion), (wrench_W - bias)[..., None])[..., 0]
+    solved = np.linalg.solve(locked_inertia(chain, motion), (wrench_W - bias)[..., None])
+    return np.asarray(solved[..., 0], dtype=np.float64)
 
 
 def platform_residual(

@@ -106,9 +106,19 @@ class LinkChain:
         )
 
     @classmethod
-    def from_vehicle(cls, vehicle: Vehicle) -> LinkChain:
-        """Read the chain of a vehicle, with the vehicle's tool; errors as in `from_model`."""
-        return cls.from_model(vehicle.model, vehicle.tool)
+    def from_vehicle(cls, vehicle: Vehicle, released: str | None = None) -> LinkChain:
+        """Read the chain of a vehicle, with the vehicle's tool.
+
+        Args:
+            vehicle: The vehicle.
+            released: A fixed joint whose link is to be a body of its own; see `released_model`.
+
+        Raises:
+            VehicleError: As in `from_model`.
+            UnknownName: As in `release_joint`.
+        """
+        model = vehicle.model if released is None else released_model(vehicle, released)
+        return cls.from_model(model, vehicle.tool)
 
     @classmethod
     def stack(cls, chains: Sequence[LinkChain]) -> LinkChain:
@@ -173,3 +183,15 @@ def release_joint(urdf: str, joint: str) -> str:
     ET.SubElement(element, "axis", xyz="0 0 1")
     ET.SubElement(element, "limit", lower="-1", upper="1", effort="1", velocity="1")
     return ET.tostring(robot, encoding="unicode")
+
+
+def released_model(vehicle: Vehicle, joint: str) -> pin.Model:
+    """The vehicle's model with one fixed joint released, see `release_joint`.
+
+    Its arm has one joint more, at the place of the released one; with the fixed end link of the
+    default vehicle ("tool_joint") that is the paper's n = 5.
+    """
+    model = pin.buildModelFromXML(release_joint(vehicle.urdf, joint), pin.JointModelFreeFlyer())
+    model.gravity.linear = vehicle.model.gravity.linear
+    model.name = vehicle.model.name
+    return model
