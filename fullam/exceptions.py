@@ -93,8 +93,8 @@ class NonFiniteWrench(FullamError):
         """Keep the wrench; the message shows it."""
         self.wrench = wrench
         super().__init__(
-            f"wrench {list(wrench)} is not finite; check the measurement and the reference that "
-            "the controller was given."
+            f"wrench {[float(x) for x in wrench]} is not finite; check the measurement and the "
+            "reference that the controller was given."
         )
 
 
@@ -110,7 +110,9 @@ class AllocationFailed(FullamError):
     def __init__(self, wrench: Any, status: str, problem: dict[str, Any]) -> None:
         """Keep the evidence; the message names the status and the wrench."""
         self.wrench, self.status, self.problem = wrench, status, problem
-        super().__init__(f"allocation of wrench {list(wrench)} failed: solver status {status}.")
+        super().__init__(
+            f"allocation of wrench {[float(x) for x in wrench]} failed: solver status {status}."
+        )
 
 
 class Diverged(FullamError):

@@ -1,0 +1,317 @@
+"""Weighted, regularised least squares in the box [0, u_max], solved by a warm active set.
+
+The problem, with A = W B (6 x n) and d = W w:
+
+    minimise  f(u) = 1/2 ||A u - d||^2 + eps/2 ||u - u_0||^2   subject to  0 <= u <= u_max.
+
+For a given active set (which u are free, which held at a bound) the answer is affine in the
+wrench w: a free u_i is an inner product with w plus a constant, and so is the multiplier of a held
+one. `ActiveSet` is that map; it is computed once per set and kept, so a wrench that meets the same
+bounds as the last one costs one matrix-vector product. Otherwise a primal active-set search
+(Nocedal and Wright, Numerical Optimization, section 16.5) runs from a feasible point: move to the
+minimiser of the current set, stop at the first bound in the way and hold it, and at a minimiser
+free the held unknown with the most negative multiplier. The cost falls from minimiser to minimiser
+(the Hessian A^T A + eps 1 is positive definite), so no set can come back, but for rounding; that is
+noticed, counted, and ends the search.
+
+Everything works on plain arrays of fixed size, with no solver object behind.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Status = NDArray[np.uint8]
+
+FREE, AT_LOWER, AT_UPPER = 0, 1, 2
+"""Status of one unknown in an active set."""
+
+BOUND_TOLERANCE = 1e-10
+"""How far a free u may pass a bound before it is held, in u. Rounding in the maps is 1e-13."""
+
+MULTIPLIER_TOLERANCE = 1e-13
+"""How negative a scaled multiplier may be before its bound is freed, in u.
+
+Smaller than the multipliers that the regulariser makes, eps / H_ii (1e-9 for the default), so that
+preferred speeds are honoured at the bounds too.
+"""
+
+NULL_CUTOFF = 1e-13
+"""Eigenvalues of A_F A_F^T below this share of the largest of A A^T are zero: they are rounding."""
+
+LARGEST_STORE = 8192
+"""How many active sets are kept; 8 rotors have 6561 at most, a flight meets a few dozen."""
+
+
+def active_set_map(
+    status: Status, A: Array, eps: float, prior: Array, upper: Array
+) -> tuple[Array, Array]:
+    """Minimiser and multipliers of one active set as a map of d: z = gain @ d + offset.
+
+    With A_F the columns of the free unknowns, c = A u_held + A_F u_0F and
+    A_F A_F^T = U diag(s) U^T:
+
+        u_F     = u_0F + A_F^T U diag(1 / (s + eps)) U^T (d - c)
+        A u - d = -U diag(eps / (s + eps)) U^T (d - c)
+
+    Working in the six-dimensional space of wrenches keeps u_F free of the rounding that eps would
+    magnify in the null space of A_F, and gives multipliers of the size of eps in full precision.
+
+    Args:
+        status: FREE, AT_LOWER or AT_UPPER for each unknown, shape (n,).
+        A: Weighted matrix W B, shape (6, n).
+        eps: Regularisation, > 0.
+        prior: u_0, shape (n,).
+        upper: u_max, shape (n,).
+
+    Returns:
+        gain (n, 6) and offset (n,). z_i is u_i where free; where held it is the multiplier over
+        H_ii: +(grad f)_i / H_ii at the lower bound, -(grad f)_i / H_ii at the upper one.
+    """
+    held = status != FREE
+    u_held = np.where(status == AT_UPPER, upper, 0.0)
+    A_F = np.where(held, 0.0, A)
+    c = A @ np.where(held, u_held, prior)
+    s, U = np.linalg.eigh(A_F @ A_F.T)
+    null = s < NULL_CUTOFF * np.vdot(A, A)
+    s[null] = 0.0
+    residual = (U * (-eps / (s + eps))) @ U.T
+    solve = (U * np.where(null, 0.0, 1.0 / (s + eps))) @ U.T
+    # Outward slope of the cost at a held bound, scaled by the diagonal of the Hessian.
+    slope = np.where(status == AT_UPPER, -1.0, 1.0) / (np.einsum("ij,ij->j", A, A) + eps)
+    gain = np.where(held[:, None], slope[:, None] * (A.T @ residual), A_F.T @ solve)
+    offset = np.where(held, slope * eps * (u_held - prior), prior) - gain @ c
+    return gain, offset
+
+
+class ActiveSet:
+    """The map of one active set, ready for wrenches: z = gain @ w + offset.
+
+    The set is the optimal one if and only if 0 <= z, and z <= u_max where free.
+
+    Attributes:
+        status: FREE, AT_LOWER or AT_UPPER for each unknown.
+        gain: Shape (n, 6), per newton and newton-metre.
+        offset: Shape (n,).
+        low: Least z accepted, one per unknown.
+        high: Largest z accepted, one per unknown.
+        free: 1.0 where free, 0.0 where held, shape (n,).
+        held: The bound where held, 0.0 where free, shape (n,).
+    """
+
+    __slots__ = ("free", "gain", "held", "high", "low", "offset", "status")
+
+    def __init__(
+        self, status: bytes, A: Array, weights: Array, eps: float, prior: Array, upper: Array
+    ) -> None:
+        """Compute the map; arguments as in `active_set_map`, weights the diagonal of W."""
+        codes = np.frombuffer(status, dtype=np.uint8)
+        gain, self.offset = active_set_map(codes, A, eps, prior, upper)
+        free = codes == FREE
+        self.status = status
+        self.gain: Array = np.ascontiguousarray(gain * weights)
+        self.low = tuple(np.where(free, -BOUND_TOLERANCE, -MULTIPLIER_TOLERANCE).tolist())
+        self.high = tuple(np.where(free, upper + BOUND_TOLERANCE, np.inf).tolist())
+        self.free = free.astype(float)
+        self.held = np.where(codes == AT_UPPER, upper, 0.0)
+
+
+class BoxLeastSquares:
+    """Solver of the box problem for a sequence of wrenches, warm-started with the last answer.
+
+    Attributes:
+        A: Weighted matrix W B, shape (6, n).
+        weights: Diagonal of W, shape (6,).
+        eps: Regularisation, > 0.
+        prior: u_0, where the regulariser pulls, shape (n,).
+        upper: u_max, shape (n,).
+        gain: Unconstrained minimiser, u = gain @ w + offset, shape (n, 6).
+        offset: Shape (n,).
+        solution: Live buffer with the answer of the last search, shape (n,).
+        weighted_residual: Live buffer with A u - d of the last optimality check, shape (6,).
+        pivots: Changes of the active set so far.
+        cycles: How many searches met an active set twice.
+    """
+
+    def __init__(self, B: Array, weights: Array, eps: float, prior: Array, upper: Array) -> None:
+        """Keep the data and compute the unconstrained map.
+
+        Args:
+            B: Matrix from u to the wrench, shape (6, n).
+            weights: Diagonal of W, shape (6,), not negative.
+            eps: Regularisation, > 0.
+            prior: u_0, shape (n,), within the box.
+            upper: u_max, shape (n,); 0 pins an unknown at 0.
+        """
+        n = B.shape[1]
+        self.weights = weights
+        self.A: Array = np.ascontiguousarray(weights[:, None] * np.where(upper > 0, B, 0.0))
+        self.eps = eps
+        self.prior = np.minimum(prior, upper)
+        self.upper = upper
+        self.pivots = 0
+        self.cycles = 0
+        self._largest_pivots = 100 + 20 * n
+        self._sets: dict[bytes, ActiveSet] = {}
+        self._start = self._current = self._set(bytes(n))
+        self.gain, self.offset = self._start.gain, self._start.offset
+        self._AT = np.ascontiguousarray(self.A.T)
+        self._diagonal = np.einsum("ij,ij->j", self.A, self.A) + eps
+        self._bounds = upper.tolist()
+        self._lower = np.zeros(n)
+        self._z = np.empty(n)
+        self._step = np.empty(n)
+        self._target = np.empty(6)
+        self.weighted_residual = np.zeros(6)
+        self.solution = self.prior.copy()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Copies and pickles carry the warm start, but compute the store of maps anew."""
+        return {**self.__dict__, "_sets": {}}
+
+    def reset(self) -> None:
+        """Forget the warm start, so that the next answer depends on its wrench alone."""
+        self._current = self._start
+        self.solution[:] = self.prior
+
+    def start_from(self, status: Status, u: Array) -> None:
+        """Begin the next search at a feasible u, shape (n,), whose held entries are at their bound.
+
+        Args:
+            status: FREE, AT_LOWER or AT_UPPER, shape (n,).
+            u: The point, shape (n,).
+        """
+        self._current = self._set(np.asarray(status, dtype=np.uint8).tobytes())
+        np.minimum(np.maximum(u, 0.0), self.upper, out=self.solution)
+        np.copyto(self.solution, self._current.held, where=self._current.free == 0.0)
+
+    @property
+    def status(self) -> Status:
+        """Active set of the last search, shape (n,)."""
+        return np.frombuffer(self._current.status, dtype=np.uint8)
+
+    def solve(self, wrench: Array) -> bool:
+        """Find the minimiser for a finite wrench, shape (6,); True if `solution` holds it.
+
+        The last active set is tried first. If its bounds do not fit, the search starts from the
+        last solution or from the clipped unconstrained minimiser, whichever costs less. False means
+        that rounding kept the search from settling: a set came back, or the limit of changes was
+        reached; `solution` is then feasible and the best point found.
+        """
+        active, u = self._current, self.solution
+        z = active.gain.dot(wrench, self._z)
+        z += active.offset
+        for value, low, high in zip(z.tolist(), active.low, active.high, strict=True):
+            if not low <= value <= high:
+                break
+        else:
+            np.multiply(z, active.free, out=u)
+            u += active.held
+            np.maximum(u, self._lower, out=u)  # what the tolerance let through
+            np.minimum(u, self.upper, out=u)
+            return True
+        np.add(self.gain.dot(wrench, z), self.offset, out=z)
+        clipped = np.minimum(np.maximum(z, self._lower), self.upper)
+        if self.objective(clipped, wrench) < self.objective(u, wrench):
+            status = bytearray(
+                AT_LOWER if value < 0.0 else AT_UPPER if value > bound else FREE
+                for value, bound in zip(z.tolist(), self._bounds, strict=True)
+            )
+            return self._search(wrench, status, clipped.tolist())
+        return self._search(wrench, bytearray(active.status), u.tolist())
+
+    def _search(self, wrench: Array, status: bytearray, u: list[float]) -> bool:
+        """Primal active set from a feasible u; see the module's first lines."""
+        bounds, settled = self._bounds, False
+        minimisers: set[bytes] = set()
+        for _ in range(self._largest_pivots):
+            active = self._set(bytes(status))
+            z = active.gain.dot(wrench, self._z)
+            z += active.offset
+            goal = z.tolist()
+            share, blocking, worst, leaving = 1.0, -1, -MULTIPLIER_TOLERANCE, -1
+            for i, side in enumerate(status):
+                if side != FREE:
+                    if goal[i] < worst:
+                        worst, leaving = goal[i], i
+                elif goal[i] < -BOUND_TOLERANCE or goal[i] > bounds[i] + BOUND_TOLERANCE:
+                    bound = 0.0 if goal[i] < 0.0 else bounds[i]
+                    reached = (bound - u[i]) / (goal[i] - u[i])
+                    if reached < share:
+                        share, blocking = reached, i
+            for i, side in enumerate(status):
+                if side == FREE:
+                    u[i] = min(max(u[i] + share * (goal[i] - u[i]), 0.0), bounds[i])
+            self.pivots += 1
+            if blocking >= 0:
+                lower = goal[blocking] < 0.0
+                status[blocking] = AT_LOWER if lower else AT_UPPER
+                u[blocking] = 0.0 if lower else bounds[blocking]
+                continue
+            if leaving < 0:
+                settled = True
+                self.pivots -= 1
+                break
+            if active.status in minimisers:
+                self.cycles += 1
+                break
+            minimisers.add(active.status)
+            status[leaving] = FREE
+        self.solution[:] = u
+        self._current = active
+        return settled
+
+    def step(self, u: Array, wrench: Array) -> Array:
+        """Optimality defect of u, shape (n,): u - clip(u - grad f(u) / diag H, 0, u_max).
+
+        Entry i is how far u_i alone would still move towards lower cost, in u. It vanishes for all
+        i exactly at the minimiser: stationarity, complementarity and feasibility in one number.
+        Fills `weighted_residual` with A u - d and returns a live buffer.
+        """
+        residual = self.A.dot(u, self.weighted_residual)
+        residual -= np.multiply(self.weights, wrench, out=self._target)
+        step = self._AT.dot(residual, self._step)
+        pull = np.subtract(u, self.prior, out=self._z)
+        pull *= self.eps
+        step += pull
+        step /= self._diagonal
+        np.subtract(u, step, out=step)
+        np.maximum(step, self._lower, out=step)
+        np.minimum(step, self.upper, out=step)
+        return np.subtract(u, step, out=step)
+
+    def kkt_residual(self, u: Array, wrench: Array) -> float:
+        """Largest absolute entry of `step`, in u: 0 at the minimiser and nowhere else."""
+        step = self.step(u, wrench)
+        return max(float(step[step.argmax()]), -float(step[step.argmin()]))
+
+    def objective(self, u: Array, wrench: Array) -> float:
+        """The cost f(u)."""
+        residual = self.A.dot(u)
+        residual -= self.weights * wrench
+        pull = u - self.prior
+        return 0.5 * float(residual.dot(residual)) + 0.5 * self.eps * float(pull.dot(pull))
+
+    def linear_term(self, wrench: Array) -> Array:
+        """The g of the cost 1/2 u^T H u + g^T u, shape (n,)."""
+        linear: Array = self._AT @ (self.weights * wrench)
+        return -linear - self.eps * self.prior
+
+    def hessian(self) -> Array:
+        """H = A^T A + eps 1, shape (n, n)."""
+        H: Array = self._AT @ self.A + self.eps * np.eye(self.prior.size)
+        return H
+
+    def _set(self, status: bytes) -> ActiveSet:
+        """The map of an active set, from the store or computed."""
+        found = self._sets.get(status)
+        if found is None:
+            if len(self._sets) >= LARGEST_STORE:
+                self._sets.clear()
+            found = ActiveSet(status, self.A, self.weights, self.eps, self.prior, self.upper)
+            self._sets[status] = found
+        return found
