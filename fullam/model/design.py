@@ -312,7 +312,7 @@ def design_vehicle(base: str | Path = "fullam", name: str | None = None, **chang
     read.check_keys(changes, known, f"design_vehicle({str(base)!r})", "")
     for key, value in changes.items():
         table = "rotor_defaults" if key in read.ROTOR_NUMBERS else "design"
-        definition[table][key] = value
+        definition.setdefault(table, {})[key] = value
     design = VehicleDesign.from_table(definition["design"], where)
     if changes:
         listed = ", ".join(f"{key}={value}" for key, value in changes.items())

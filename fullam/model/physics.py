@@ -17,11 +17,11 @@ from fullam.exceptions import VehicleError
 Array = NDArray[np.float64]
 
 INERTIA_TOLERANCE = 1e-3
-"""Slack of both inertia checks, relative to the largest principal moment.
+"""Slack of the triangle inequality, relative to the largest principal moment.
 
-Published tensors carry four or five digits and thin plates sit exactly on the triangle inequality,
-so rounding alone may break it by some 1e-4; a real mistake (swapped, negated or mis-scaled
-entries) breaks it by percents."""
+Published tensors carry four or five digits and a thin plate sits exactly on the inequality, so
+rounding alone may break it by some 1e-4. Hextilt and borinot keep it with 1.6 % and 4 % to spare;
+among the other robots of example-robot-data the mildest offender breaks it by 9 %."""
 
 MASS_TOLERANCE = 1e-3
 """How far a declared mass may be from the sum over the links, relative: data sheets give grams."""
@@ -69,7 +69,7 @@ def link_inertias(robot: ElementTree.Element, where: str) -> list[LinkInertia]:
         VehicleError: If a number is missing or is not one.
     """
     found = []
-    for link in robot.iter("link"):
+    for link in robot.findall("link"):
         inertial = link.find("inertial")
         if inertial is None:
             continue
@@ -102,17 +102,16 @@ def inertia_problem(inertia: Array) -> str | None:
     """What is impossible about a rotational inertia about the centre of mass, or None.
 
     The principal moments of a rigid body are positive, and none exceeds the sum of the other two
-    (I_x + I_y - I_z = 2 sum m z^2 >= 0), both within `INERTIA_TOLERANCE` of the largest.
+    (I_x + I_y - I_z = 2 sum m z^2 >= 0), within `INERTIA_TOLERANCE` of the largest.
 
     Args:
         inertia: Shape (3, 3), symmetric [kg m^2].
     """
     moments = np.linalg.eigvalsh(inertia)
-    slack = INERTIA_TOLERANCE * np.max(np.abs(moments))
-    if moments[0] <= 0.0 and not (moments[0] >= -slack and moments[1] > 0.0):
+    if moments[0] <= 0.0:
         return f"has principal moments {_listed(moments)}, not all positive"
     excess = moments[2] - moments[0] - moments[1]
-    if excess > slack:
+    if excess > INERTIA_TOLERANCE * moments[2]:
         return (
             f"has principal moments {_listed(moments)}, the largest above the sum of the other two"
         )

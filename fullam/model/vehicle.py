@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -212,8 +213,8 @@ class Vehicle:
                 value.setflags(write=False)
 
 
-def _check_root(robot: Any, platform: str, where: str) -> None:
-    children = {joint.find("child").get("link") for joint in robot.findall("joint")}
+def _check_root(robot: ElementTree.Element, platform: str, where: str) -> None:
+    children = {child.get("link") for child in robot.iterfind("joint/child")}
     roots = [link.get("name") for link in robot.findall("link") if link.get("name") not in children]
     floating = [j.get("name") for j in robot.findall("joint") if j.get("type") == "floating"]
     if floating:

@@ -1,0 +1,136 @@
+"""The true vehicle: the nominal one with its parameters drawn within a share of their values.
+
+The paper states an uncertainty of +-10 % without saying of what; here the parameters are named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from fullam.exceptions import SettingsError, UnknownName
+from fullam.model.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+PARAMETERS = (
+    "platform_mass",
+    "platform_inertia",
+    "link_masses",
+    "link_inertias",
+    "link_coms",
+    "k_f",
+    "k_tau",
+    "lag",
+)
+"""What can be uncertain, in the order in which the factors are drawn."""
+
+DEFAULT_PARAMETERS = (
+    "platform_mass",
+    "platform_inertia",
+    "link_masses",
+    "link_inertias",
+    "k_f",
+    "k_tau",
+)
+"""The masses, inertias and rotor coefficients that a compensation has to know."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How far the true parameters are from the nominal ones.
+
+    Attributes:
+        share: Each factor is drawn uniformly from [1 - share, 1 + share]; 0 draws nothing.
+        parameters: Which of `PARAMETERS` are uncertain.
+    """
+
+    share: float = 0.10
+    parameters: tuple[str, ...] = DEFAULT_PARAMETERS
+
+    def __post_init__(self) -> None:
+        """Check the share and the names.
+
+        Raises:
+            SettingsError: If the share is not in [0, 1).
+            UnknownName: If a parameter is none of `PARAMETERS`.
+        """
+        if not 0.0 <= self.share < 1.0:
+            raise SettingsError(
+                "uncertainty", "share", f"is {self.share}", "give a share from 0 to below 1"
+            )
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        for name in self.parameters:
+            if name not in PARAMETERS:
+                raise UnknownName("uncertain parameter", name, PARAMETERS)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain data, for a file."""
+        data = asdict(self)
+        data["parameters"] = list(self.parameters)
+        return data
+
+
+def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator) -> Vehicle:
+    """Draw a true vehicle around a nominal one.
+
+    Every parameter of every link and rotor gets its own factor, uniform in
+    [1 - share, 1 + share]: masses, centres of mass (the lever in the link's frame), inertias, k_f,
+    k_tau and lags. An inertia scales with its body's mass factor times its own, as a whole tensor,
+    so a possible one stays possible. A link is a body of the model, with what is fixed to it.
+
+    All factors of all `PARAMETERS` are drawn, in that order, links base to tip and rotors in
+    their order, and those of parameters that are not named are dropped: naming one more
+    parameter does not change the others.
+
+    Args:
+        vehicle: The nominal vehicle; it stays as it is.
+        uncertainty: The share and the parameters.
+        rng: Source of the factors.
+
+    Returns:
+        A vehicle with its own model and rotors. Its `definition` and `urdf` are still the nominal
+        ones: they, the uncertainty and the seed rebuild it.
+    """
+    factors = _draw(vehicle, uncertainty, rng)
+    model = pin.Model(vehicle.model)
+    masses = np.concatenate([factors["platform_mass"], factors["link_masses"]])
+    inertias = np.concatenate([factors["platform_inertia"], factors["link_inertias"]])
+    levers = np.concatenate([[1.0], factors["link_coms"]])
+    for index, (mass, inertia, lever) in enumerate(
+        zip(masses, inertias, levers, strict=True), start=1
+    ):
+        body = model.inertias[index]
+        model.inertias[index] = pin.Inertia(
+            body.mass * mass, body.lever * lever, body.inertia * (mass * inertia)
+        )
+    rotors = replace(
+        vehicle.rotors,
+        k_f=vehicle.rotors.k_f * factors["k_f"],
+        k_tau=vehicle.rotors.k_tau * factors["k_tau"],
+        lags=vehicle.rotors.lags * factors["lag"],
+    )
+    return replace(vehicle, model=model, rotors=rotors)
+
+
+def _draw(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator) -> dict[str, Array]:
+    counts = {
+        "platform_mass": 1,
+        "platform_inertia": 1,
+        "link_masses": vehicle.n_arm,
+        "link_inertias": vehicle.n_arm,
+        "link_coms": vehicle.n_arm,
+        "k_f": vehicle.rotors.count,
+        "k_tau": vehicle.rotors.count,
+        "lag": vehicle.rotors.count,
+    }
+    factors = {}
+    for name in PARAMETERS:
+        draw = rng.uniform(-1.0, 1.0, counts[name])
+        share = uncertainty.share if name in uncertainty.parameters else 0.0
+        factors[name] = 1.0 + share * draw
+    return factors
