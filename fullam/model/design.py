@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fullam.exceptions import VehicleError
 from fullam.files import atomic_path
 from fullam.model import definition as read
+from fullam.model.craig import craig_transform, homogeneous
 from fullam.model.loading import read_definition, vehicle_path
 from fullam.model.physics import inertia_problem
 from fullam.model.vehicle import Vehicle
@@ -211,32 +212,24 @@ class VehicleDesign:
         R = Rz(azimuth) Rx(-spin cant), so the thrust leans towards the tangent for spin +1.
         """
         azimuth = self.azimuths()[index]
-        pose = np.eye(4)
-        pose[:3, :3] = _rz(azimuth) @ _rx(-self.spins()[index] * np.deg2rad(self.cant_deg))
-        pose[:3, 3] = [
-            self.ring_radius * np.cos(azimuth),
-            self.ring_radius * np.sin(azimuth),
-            self.rotor_height,
-        ]
-        return pose
+        r, h = self.ring_radius, self.rotor_height
+        return homogeneous(
+            _rz(azimuth) @ _rx(-self.spins()[index] * np.deg2rad(self.cant_deg)),
+            [r * np.cos(azimuth), r * np.sin(azimuth), h],
+        )
 
     def mount(self) -> Array:
         """^A T_0, the frame before joint 1 in {A}, shape (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3] = _rz(np.deg2rad(self.mount_yaw_deg)) @ _rx(np.deg2rad(self.mount_roll_deg))
-        pose[:3, 3] = self.mount_position
-        return pose
+        yaw, roll = np.deg2rad(self.mount_yaw_deg), np.deg2rad(self.mount_roll_deg)
+        return homogeneous(_rz(yaw) @ _rx(roll), self.mount_position)
 
     def joint_origin(self, row: int) -> Array:
         """Pose of {M_i} at theta_i = 0 in the frame before it, shape (4, 4).
 
-        Craig's modified matrix Rot_x(alpha) Trans_x(a) Trans_z(d): translation
-        (a, -d sin alpha, d cos alpha). The first one is seen from {A}, through the mount.
+        The first one is seen from {A}, through the mount.
         """
-        alpha, a, d = np.deg2rad(self.craig[row][0]), *self.craig[row][1:]
-        pose = np.eye(4)
-        pose[:3, :3] = _rx(alpha)
-        pose[:3, 3] = [a, -d * np.sin(alpha), d * np.cos(alpha)]
+        alpha, a, d = self.craig[row]
+        pose = craig_transform(np.deg2rad(alpha), a, d, 0.0)
         return self.mount() @ pose if row == 0 else pose
 
     def rods(self) -> tuple[Rod, ...]:
