@@ -174,8 +174,8 @@ def test_static_moments_are_those_of_the_recorded_runs(fullam, configuration, qu
 
 
 def test_configuration_1_fits_worst(fullam):
-    # The runs read 0.0326 there, equal links at mid-length give 0.0387. Known and kept: the split of
-    # the masses that would fit all four puts more than 0.2 kg into the first link.
+    # The runs read 0.0326 there, equal links at mid-length give 0.0387. Known and kept: the split
+    # of the masses that would fit all four puts more than 0.2 kg into the first link.
     assert np.hypot(*arm_moment(fullam, 1)[:2]) == pytest.approx(0.0387, abs=5e-5)
 
 
