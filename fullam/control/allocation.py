@@ -17,6 +17,7 @@ by a ladder, each rung tried when the one above does not apply:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
@@ -218,7 +219,7 @@ class Allocator:
         """
         if method not in ("ladder", "proxqp"):
             raise SettingsError("allocator", "method", f"is '{method}'", "use 'ladder' or 'proxqp'")
-        if not (np.isfinite(regularization) and regularization > 0):
+        if not (isfinite(regularization) and regularization > 0):
             raise SettingsError(
                 "allocator", "regularization", f"is {regularization}", "use a small positive number"
             )
@@ -246,7 +247,6 @@ class Allocator:
         )
         self._K, self._k = self._box.gain, self._box.offset
         self._ladder = method == "ladder"
-        self._zeros = np.zeros(6)
         self.squared: Array = np.zeros(rotors.count)
         self.rung: Method = "exact"
         self.saturated = False
@@ -270,21 +270,20 @@ class Allocator:
     def allocate(self, wrench_A: Array) -> Array:
         """As `solve`, for a control loop: returns the live buffer `squared`, shape (n,).
 
-        `rung` and `saturated` tell the rest; nothing is allocated when the wrench is within reach.
-        wrench_A is an array of six floats.
+        `rung` and `saturated` tell the rest; no array is made when the wrench is within reach.
+        wrench_A must be an array of six floats. Raises as `solve`.
         """
+        if not all(map(isfinite, wrench_A.tolist())):
+            self.counters.refused += 1
+            raise NonFiniteWrench(wrench_A)
         if self._ladder:
             u = self._K.dot(wrench_A, self.squared)
             u += self._k
-            # Not a number compares false, and so falls through to the check.
             if u[u.argmin()] >= 0.0 and u[u.argmax()] <= 1.0:
                 self.counters.exact += 1
                 self.rung = "exact"
                 self.saturated = False
                 return u
-        if self._zeros.dot(wrench_A) != 0.0:  # 0 times NaN or infinity is NaN
-            self.counters.refused += 1
-            raise NonFiniteWrench(wrench_A)
         return self._constrained(wrench_A) if self._ladder else self._refereed(wrench_A)
 
     def _constrained(self, wrench: Array) -> Array:

@@ -40,8 +40,8 @@ Smaller than the multipliers that the regulariser makes, eps / H_ii (1e-9 for th
 preferred speeds are honoured at the bounds too.
 """
 
-NULL_CUTOFF = 1e-13
-"""Eigenvalues of A_F A_F^T below this share of the largest of A A^T are zero: they are rounding."""
+NULL_CUTOFF = 1e-14
+"""Singular values of A_F below this share of the norm of A are zero: they are rounding."""
 
 LARGEST_STORE = 8192
 """How many active sets are kept; 8 rotors have 6561 at most, a flight meets a few dozen."""
@@ -52,14 +52,13 @@ def active_set_map(
 ) -> tuple[Array, Array]:
     """Minimiser and multipliers of one active set as a map of d: z = gain @ d + offset.
 
-    With A_F the columns of the free unknowns, c = A u_held + A_F u_0F and
-    A_F A_F^T = U diag(s) U^T:
+    With A_F = U diag(s) V^T the columns of the free unknowns and c = A u_held + A_F u_0F:
 
-        u_F     = u_0F + A_F^T U diag(1 / (s + eps)) U^T (d - c)
-        A u - d = -U diag(eps / (s + eps)) U^T (d - c)
+        u_F     = u_0F + V diag(s / (s^2 + eps)) U^T (d - c)
+        A u - d = -U diag(eps / (s^2 + eps)) U^T (d - c)
 
-    Working in the six-dimensional space of wrenches keeps u_F free of the rounding that eps would
-    magnify in the null space of A_F, and gives multipliers of the size of eps in full precision.
+    Nothing here divides by eps alone, so that u_F carries no rounding magnified in the null space
+    of A_F, and multipliers of the size of eps come out in full precision.
 
     Args:
         status: FREE, AT_LOWER or AT_UPPER for each unknown, shape (n,).
@@ -76,14 +75,15 @@ def active_set_map(
     u_held = np.where(status == AT_UPPER, upper, 0.0)
     A_F = np.where(held, 0.0, A)
     c = A @ np.where(held, u_held, prior)
-    s, U = np.linalg.eigh(A_F @ A_F.T)
-    null = s < NULL_CUTOFF * np.vdot(A, A)
-    s[null] = 0.0
-    residual = (U * (-eps / (s + eps))) @ U.T
-    solve = (U * np.where(null, 0.0, 1.0 / (s + eps))) @ U.T
+    U, s, Vt = np.linalg.svd(A_F)
+    s[s < NULL_CUTOFF * np.sqrt(np.vdot(A, A))] = 0.0
+    left = np.ones(6)
+    left[: s.size] = eps / (s * s + eps)
+    residual = -(U * left) @ U.T
+    solution = (Vt[: s.size].T * (s / (s * s + eps))) @ U[:, : s.size].T
     # Outward slope of the cost at a held bound, scaled by the diagonal of the Hessian.
     slope = np.where(status == AT_UPPER, -1.0, 1.0) / (np.einsum("ij,ij->j", A, A) + eps)
-    gain = np.where(held[:, None], slope[:, None] * (A.T @ residual), A_F.T @ solve)
+    gain = np.where(held[:, None], slope[:, None] * (A.T @ residual), solution)
     offset = np.where(held, slope * eps * (u_held - prior), prior) - gain @ c
     return gain, offset
 
