@@ -55,6 +55,13 @@ SNAP = 1e-8
 """A u this close to 0 or 1 is at its bound: what ProxQP leaves."""
 
 
+ABOUT_ROUNDS = 4
+"""Corrections of the moment in `allocate_about`; two nearly always settle it."""
+
+ABOUT_TOLERANCE = 1e-3
+"""Moment [N m] below which a correction is not worth another solve."""
+
+
 @dataclass(slots=True)
 class Counters:
     """How many solves each rung answered, and what the active set had to do.
@@ -285,6 +292,35 @@ class Allocator:
                 self.saturated = False
                 return u
         return self._constrained(wrench_A) if self._ladder else self._refereed(wrench_A)
+
+    def allocate_about(self, wrench_A: Array, center: Array) -> Array:
+        """Allocate again, with the moment that goes before force taken about another point.
+
+        A vehicle turns about its centre of mass, not about the origin of {A}: a force that falls
+        short by df at the origin also lacks the moment -c x df about c. So the moment asked for is
+        corrected by c x df until nothing changes, `ABOUT_ROUNDS` times at most.
+
+        Args:
+            wrench_A: The wrench at the origin of {A}, shape (6,); `allocate` has just found it to
+                be out of reach.
+            center: c in {A}, shape (3,) [m]: the vehicle's centre of mass.
+
+        Returns:
+            The live buffer `squared`, shape (n,).
+        """
+        u, B = self.squared, self.rotors.normalized_coupling
+        asked = wrench_A.copy()
+        c1, c2, c3 = center.tolist()
+        for _ in range(ABOUT_ROUNDS):
+            f1, f2, f3 = (B[:3] @ u - wrench_A[:3]).tolist()
+            lever = np.array([c2 * f3 - c3 * f2, c3 * f1 - c1 * f3, c1 * f2 - c2 * f1])
+            moment = wrench_A[3:] + lever
+            if np.abs(moment - asked[3:]).max() < ABOUT_TOLERANCE:
+                break
+            asked[3:] = moment
+            u = self.allocate(asked)
+        self.saturated = True
+        return u
 
     def _constrained(self, wrench: Array) -> Array:
         box, u = self._box, self.squared

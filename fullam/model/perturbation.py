@@ -74,6 +74,20 @@ class Uncertainty:
         data["parameters"] = list(self.parameters)
         return data
 
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Uncertainty:
+        """The inverse of `to_dict`.
+
+        Raises:
+            SettingsError: A field that it does not have.
+        """
+        for key in data:
+            if key not in ("share", "parameters"):
+                raise SettingsError(
+                    "uncertainty", key, "is no field of it", "it has share, parameters"
+                )
+        return cls(**data)
+
 
 def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator) -> Vehicle:
     """Draw a true vehicle around a nominal one.

@@ -1,0 +1,190 @@
+"""What every controller is: a law from measurement and reference to a wrench on the platform.
+
+A controller holds the NOMINAL vehicle, never sees a rotor, and returns the wrench in world axes at
+the origin of {A}, force then moment. Controllers register themselves by name, so a command line,
+a campaign or a test can run over all of them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.exceptions import SettingsError, UnknownName
+from fullam.model.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+ALL_AXES = (True,) * 6
+"""Force x, y, z and moment x, y, z all under control."""
+
+
+class Measurement:
+    """What a controller is told about the vehicle, rewritten in place every control period.
+
+    Attributes:
+        q: Configuration [p (3), quaternion xyzw (4), theta (n)], shape (nq,) [m, -, rad].
+        v: Velocity [v_A (3), w_A (3), dtheta (n)], linear and angular in {A} axes, shape (nv,).
+        arm_acceleration: ddtheta, the servos' known input, shape (n,) [rad/s^2].
+    """
+
+    __slots__ = ("arm_acceleration", "q", "v")
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Start at the vehicle's neutral configuration, at rest."""
+        self.q: Array = vehicle.neutral()
+        self.v: Array = np.zeros(vehicle.model.nv)
+        self.arm_acceleration: Array = np.zeros(vehicle.n_arm)
+
+
+class ReferencePoint:
+    """Where the platform should be at one instant.
+
+    Attributes:
+        pose: [p (3), quaternion xyzw (4)] of {A} in {W}, shape (7,) [m, -].
+        velocity: [dp (3), w (3)] in world axes, shape (6,) [m/s, rad/s].
+        acceleration: [ddp (3), dw (3)] in world axes, shape (6,) [m/s^2, rad/s^2].
+    """
+
+    __slots__ = ("acceleration", "pose", "velocity")
+
+    def __init__(self) -> None:
+        """Start at the origin, level, at rest."""
+        self.pose: Array = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        self.velocity: Array = np.zeros(6)
+        self.acceleration: Array = np.zeros(6)
+
+
+class Controller(ABC):
+    """A control law on the nominal vehicle.
+
+    Attributes:
+        name: The name it is registered under.
+        Settings: Frozen dataclass of its settings, all of them JSON values.
+        u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
+        u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
+    """
+
+    name: ClassVar[str]
+    Settings: ClassVar[type]
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        settings: Any = None,
+        period: float = 0.01,
+        axes: tuple[bool, ...] = ALL_AXES,
+    ) -> None:
+        """Bind the law to the nominal vehicle.
+
+        Args:
+            vehicle: The nominal vehicle.
+            settings: An instance of `Settings`; its defaults if None.
+            period: Control period [s].
+            axes: Which of force x, y, z and moment x, y, z are controlled.
+
+        Raises:
+            SettingsError: The period is not positive or the settings are of another class.
+        """
+        if not period > 0.0:
+            raise SettingsError(self.name, "period", f"is {period!r}", "give seconds, above 0")
+        settings = self.Settings() if settings is None else settings
+        if not isinstance(settings, self.Settings):
+            raise SettingsError(
+                self.name,
+                "settings",
+                f"is a {type(settings).__name__}",
+                f"give a {self.Settings.__name__}",
+            )
+        self.vehicle = vehicle
+        self.settings = settings
+        self.period = period
+        self.axes = tuple(bool(a) for a in axes)
+        self.u_pid: Array = np.zeros(6)
+        self.u_dc: Array = np.zeros(6)
+
+    @abstractmethod
+    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
+        """Forget the past: integrators to zero, filters to the first measurement."""
+
+    @abstractmethod
+    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
+        """Wrench wanted from the rotors at time t [s].
+
+        Returns:
+            [force; moment] in world axes at the origin of {A}, shape (6,) [N, N m]. A live
+            buffer: copy it to keep it.
+        """
+
+    def delivered(self, wrench_W: Array) -> None:  # noqa: B027 - a law without memory ignores it
+        """Learn what the allocation achieved, shape (6,), world axes.
+
+        Called only in a period whose command could not be delivered; without the call the command
+        counts as delivered. Anti-windup and the memory of the last wrench live on it.
+        """
+
+
+ControllerType = TypeVar("ControllerType", bound=type[Controller])
+
+_REGISTRY: dict[str, type[Controller]] = {}
+
+
+def register(name: str) -> Callable[[ControllerType], ControllerType]:
+    """Class decorator: make a controller known under `name`."""
+
+    def add(cls: ControllerType) -> ControllerType:
+        cls.name = name
+        _REGISTRY[name] = cls
+        return cls
+
+    return add
+
+
+def controller_names() -> tuple[str, ...]:
+    """Names of the registered controllers, sorted."""
+    return tuple(sorted(_REGISTRY))
+
+
+def controller_class(name: str) -> type[Controller]:
+    """The class registered under `name`.
+
+    Raises:
+        UnknownName: No such controller; the message lists the known ones.
+    """
+    try:
+        return _REGISTRY[name]
+    except KeyError:
+        raise UnknownName("controller", name, controller_names()) from None
+
+
+def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
+    """Settings of the controller `name`, its defaults with some of them changed.
+
+    Raises:
+        UnknownName: No such controller.
+        SettingsError: A setting that the controller does not have; the message lists its own.
+    """
+    cls = controller_class(name)
+    known = [f.name for f in fields(cls.Settings)]
+    for key in changes or {}:
+        if key not in known:
+            raise SettingsError(
+                f"controller '{name}'", key, "is no setting of it", f"it has {', '.join(known)}"
+            )
+    return cls.Settings(**(changes or {}))
+
+
+def make_controller(
+    name: str,
+    vehicle: Vehicle,
+    period: float = 0.01,
+    axes: tuple[bool, ...] = ALL_AXES,
+    **settings: Any,
+) -> Controller:
+    """Build the controller `name` for a nominal vehicle; keywords change its settings."""
+    return controller_class(name)(vehicle, make_settings(name, settings), period, axes)

@@ -1,0 +1,185 @@
+"""Dynamic-compensation PID, eqs. (20) and (26): the paper's controller.
+
+u = blkdiag(m_A 1, I_A) u_pid + u_dc, where u_dc cancels the platform's gyroscopic moment and
+weight and the wrench (f_1, tau_1) that the arm puts on the platform through joint 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from fullam.control.controller import (
+    ALL_AXES,
+    Measurement,
+    ReferencePoint,
+    register,
+)
+from fullam.control.pid import PidBase, PidSettings
+from fullam.dynamics.multibody import Multibody
+from fullam.exceptions import SettingsError
+from fullam.model.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+COMPENSATIONS = ("desired_acceleration", "previous_wrench")
+MODELS = ("pinocchio", "newton-euler")
+
+
+@dataclass(frozen=True)
+class DcPidSettings(PidSettings):
+    """Settings of dc-PID: those of the PID, and how the compensation is had.
+
+    Attributes:
+        compensation: How the algebraic loop of eqs. (20)-(22) is cut. "desired_acceleration" puts
+            u_pid in the platform's rows: exact, no loop. "previous_wrench" solves eq. (21) with
+            the wrench applied last (the paper's text): a fixed-point iteration over the periods
+            that contracts by the arm's share of mass and inertia.
+        model: What yields f_1, tau_1: "pinocchio" or the paper's own "newton-euler" matrix solve.
+    """
+
+    compensation: Literal["desired_acceleration", "previous_wrench"] = "desired_acceleration"
+    model: Literal["pinocchio", "newton-euler"] = "pinocchio"
+
+    def __post_init__(self) -> None:
+        """Check the two choices, then the PID's own settings."""
+        super().__post_init__()
+        for field, known in (("compensation", COMPENSATIONS), ("model", MODELS)):
+            if getattr(self, field) not in known:
+                raise SettingsError(
+                    "DcPidSettings",
+                    field,
+                    f"is {getattr(self, field)!r}",
+                    f"give one of {', '.join(known)}",
+                )
+
+
+class JointOneCompensation:
+    """u_dc of eq. (20) read from Pinocchio's spatial force at arm joint 1.
+
+    RNEA at (q, v, [a_A, ddtheta]) leaves the force of the platform on link 1 in `data.f`. Carried
+    to {A} and joined by the platform's own weight and gyroscopic terms it is, at the origin of
+    {A} and in its axes,
+
+        u_dc = [f_1 - m_A g + m_A w x (w x c);
+                tau_1 + r x f_1 + w x I_A w - m_A c x g]
+
+    with the platform's mass m_A, centre of mass c and inertia I_A about the origin of {A}. For
+    c = 0 this is eq. (20) with its erratum. Adding M_A a_A, the platform's own 6 x 6 inertia times
+    the wanted acceleration, gives the wrench of eq. (26).
+
+    Velocity invariance saves the conversion of accelerations: with the linear velocity of {A} set
+    to zero (a frame moving along), spatial and classical acceleration are the same numbers.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Take the views of Pinocchio's data once: fetching one costs as much as a product."""
+        model = vehicle.model
+        self.model, self.data = model, vehicle.create_data()
+        self.q: Array = vehicle.neutral()
+        self.v: Array = np.zeros(model.nv)
+        self.a: Array = np.zeros(model.nv)
+        self.platform: Array = np.array(model.inertias[1].matrix())
+        self.platform.setflags(write=False)
+        self._gravity = np.array(model.gravity.linear)
+        self._mass_lever = model.inertias[1].mass * np.array(model.inertias[1].lever)
+        self._rotational = self.platform[3:, 3:].copy()
+        self._mass = model.inertias[1].mass
+        self._has_arm = model.njoints > 2
+        if self._has_arm:
+            placement = model.jointPlacements[2].translation
+            self._lever = np.array(pin.skew(placement))
+            self._force_1 = self.data.f[2].vector.reshape(2, 3)
+            self._R_A1 = self.data.liMi[2].rotation
+
+    def wrench(self, R_WA: Array, out: Array) -> Array:
+        """u_dc in {A} axes at the origin of {A} for the q, v, a in this object's buffers.
+
+        Args:
+            R_WA: Attitude of {A} that belongs to q, shape (3, 3).
+            out: Where to write it, shape (6,) [N, N m].
+
+        `v[:3]` must be zero and `a[:3]` is the classical acceleration of the origin
+        of {A} in {A} axes.
+        """
+        pin.rnea(self.model, self.data, self.q, self.v, self.a)
+        w = self.v[3:6]
+        g_A = self._gravity @ R_WA
+        spin = pin.skew(w)
+        out[:3] = spin @ (spin @ self._mass_lever) - self._mass * g_A
+        out[3:] = spin @ (self._rotational @ w) - pin.skew(self._mass_lever) @ g_A
+        if self._has_arm:
+            force, moment = self._force_1 @ self._R_A1.T
+            out[:3] += force
+            out[3:] += moment + self._lever @ force
+        return out
+
+
+@register("dc-pid")
+class DcPid(PidBase):
+    """The paper's dc-PID, eq. (26); see the module's text and `DcPidSettings`."""
+
+    Settings = DcPidSettings
+    settings: DcPidSettings
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        settings: DcPidSettings | None = None,
+        period: float = 0.01,
+        axes: tuple[bool, ...] = ALL_AXES,
+    ) -> None:
+        """Bind the law; see `Controller`."""
+        super().__init__(vehicle, settings, period, axes)
+        self._joint_one = JointOneCompensation(vehicle)
+        self._multibody = Multibody(vehicle)
+        self._previous = self.settings.compensation == "previous_wrench"
+        self._applied_A: Array | None = None
+        self._a_A: Array = np.zeros(6)
+        self._u_dc_A: Array = np.zeros(6)
+
+    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
+        """Empty the integrator and forget the wrench applied last."""
+        super().reset(measurement, reference)
+        self._applied_A = None
+
+    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
+        """U of eq. (26), world axes at the origin of {A}; see `Controller.wrench`."""
+        a_W = self.law.acceleration(measurement, reference, self.u_pid)
+        R, u, a_A = self.law.rotation, self._wrench, self._a_A
+        np.dot(a_W.reshape(2, 3), R, out=a_A.reshape(2, 3))
+        u_dc_A = self._compensation(measurement)
+        u_A = self._joint_one.platform @ a_A
+        u_A += u_dc_A
+        np.dot(u_A.reshape(2, 3), R.T, out=u.reshape(2, 3))
+        np.dot(u_dc_A.reshape(2, 3), R.T, out=self.u_dc.reshape(2, 3))
+        if self._bounded:
+            self._bound()
+        if self._previous:
+            self._applied_A = np.dot(u.reshape(2, 3), R).ravel()
+        return u
+
+    def delivered(self, wrench_W: Array) -> None:
+        """Anti-windup, and the wrench that "previous_wrench" will solve eq. (21) with."""
+        super().delivered(wrench_W)
+        if self._previous:
+            self._applied_A = (wrench_W.reshape(2, 3) @ self.law.rotation).ravel()
+
+    def _compensation(self, m: Measurement) -> Array:
+        """u_dc in {A} axes; the first period has no previous wrench and uses u_pid."""
+        engine = self._joint_one
+        engine.q[:] = m.q
+        engine.v[:] = m.v
+        engine.v[:3] = 0.0
+        engine.a[6:] = m.arm_acceleration
+        if self._applied_A is None:
+            engine.a[:6] = self._a_A
+        else:
+            engine.a[:6] = self._multibody.base_acceleration(
+                engine.q, engine.v, m.arm_acceleration, self._applied_A
+            )
+        return engine.wrench(self.law.rotation, self._u_dc_A)

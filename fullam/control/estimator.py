@@ -1,0 +1,166 @@
+"""From what the sensors read to what the controller is told.
+
+An estimator turns `Readings` into the platform's pose and velocity in a `Measurement`. The arm's
+angles, rates and accelerations are known inputs (the servos are position controlled) and pass by
+it. Estimators register themselves by name, as controllers do.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.control.controller import Measurement
+from fullam.control.filters import FirstOrderPoseFilter
+from fullam.dynamics.pose_space import IDENTITY, AttitudeView
+from fullam.exceptions import SettingsError, UnknownName
+
+Array = NDArray[np.float64]
+
+
+class Readings:
+    """What the sensors deliver in one control period, rewritten in place.
+
+    Attributes:
+        pose: Noisy pose [p, quaternion xyzw], shape (7,).
+        pose_is_new: Whether the pose was taken in this period (its sensor may be slower).
+        gyroscope: Noisy w_A [rad/s], shape (3,).
+        accelerometer: Noisy R^T (ddp_A - g) [m/s^2], shape (3,).
+        velocity: True [v_A, w_A] in {A} axes, for the estimator that cheats, shape (6,).
+    """
+
+    __slots__ = ("accelerometer", "gyroscope", "pose", "pose_is_new", "velocity")
+
+    def __init__(self) -> None:
+        """Start at the origin, at rest."""
+        self.pose: Array = np.array(IDENTITY)
+        self.pose_is_new = True
+        self.gyroscope: Array = np.zeros(3)
+        self.accelerometer: Array = np.zeros(3)
+        self.velocity: Array = np.zeros(6)
+
+
+class Estimator(ABC):
+    """Keeps the best guess of the platform's pose and velocity."""
+
+    name: ClassVar[str]
+
+    def __init__(self, period: float, pose_period: float, cutoff: float) -> None:
+        """Bind the rates.
+
+        Args:
+            period: Control period [s].
+            pose_period: Time between new poses [s].
+            cutoff: Corner frequency of the pose filter [rad/s], for estimators that have one.
+        """
+        if not cutoff > 0.0:
+            raise SettingsError(
+                f"estimator '{self.name}'", "cutoff", f"is {cutoff!r}", "give rad/s, above 0"
+            )
+        self.period, self.pose_period, self.cutoff = period, pose_period, cutoff
+
+    @abstractmethod
+    def reset(self, readings: Readings) -> None:
+        """Start from the first readings, at rest."""
+
+    @abstractmethod
+    def update(self, readings: Readings, measurement: Measurement) -> None:
+        """Take in one period's readings; write q[:7] and v[:6] of the measurement."""
+
+    def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
+        """A motion as this estimator would report it: with its lag, without noise.
+
+        By how much the reference as seen trails the reference, the estimate of a vehicle that
+        follows it trails the vehicle; so the lag of a known motion can be taken off. An estimator
+        without lag returns the motion itself.
+
+        Args:
+            poses: [p, quaternion xyzw] once a control period, shape (N, 7).
+            velocities: [dp, w] in world axes, shape (N, 6).
+        """
+        return poses, velocities
+
+
+EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
+
+_REGISTRY: dict[str, type[Estimator]] = {}
+
+
+def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
+    """Class decorator: make an estimator known under `name`."""
+
+    def add(cls: EstimatorType) -> EstimatorType:
+        cls.name = name
+        _REGISTRY[name] = cls
+        return cls
+
+    return add
+
+
+def estimator_names() -> tuple[str, ...]:
+    """Names of the registered estimators, sorted."""
+    return tuple(sorted(_REGISTRY))
+
+
+def estimator_class(name: str) -> type[Estimator]:
+    """The class registered under `name`.
+
+    Raises:
+        UnknownName: No such estimator; the message lists the known ones.
+    """
+    try:
+        return _REGISTRY[name]
+    except KeyError:
+        raise UnknownName("estimator", name, estimator_names()) from None
+
+
+@register_estimator("truth")
+class Truth(Estimator):
+    """Pose as read and the true velocity: no estimator can do better, none is this good."""
+
+    def reset(self, readings: Readings) -> None:
+        """Nothing to forget."""
+
+    def update(self, readings: Readings, measurement: Measurement) -> None:
+        """Copy pose and velocity."""
+        measurement.q[:7] = readings.pose
+        measurement.v[:6] = readings.velocity
+
+
+@register_estimator("first-order")
+class FirstOrder(Estimator):
+    """The paper's: a first-order filter on the pose, and its rate as the velocity."""
+
+    def __init__(self, period: float, pose_period: float, cutoff: float) -> None:
+        """Set up the filter at the rate of new poses."""
+        super().__init__(period, pose_period, cutoff)
+        self._filter = FirstOrderPoseFilter(cutoff, pose_period)
+        self._attitude = AttitudeView()
+
+    def reset(self, readings: Readings) -> None:
+        """Start the filter at the first pose."""
+        self._filter.reset(readings.pose)
+
+    def update(self, readings: Readings, measurement: Measurement) -> None:
+        """Filter a new pose; between poses hold the last estimate."""
+        if readings.pose_is_new:
+            self._filter.update(readings.pose)
+        pose, rate, v = self._filter.pose, self._filter.rate, measurement.v
+        measurement.q[:7] = pose
+        np.dot(rate[:3], self._attitude.look(pose), out=v[:3])
+        v[3:6] = rate[3:]
+
+    def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
+        """The motion behind the filter, from rest at its first pose."""
+        seen, rates = np.empty_like(poses), np.empty_like(velocities)
+        lag = FirstOrderPoseFilter(self.cutoff, self.period)
+        lag.reset(poses[0])
+        for k, pose in enumerate(poses):
+            lag.update(pose)
+            seen[k], rates[k] = lag.pose, lag.rate
+            np.dot(self._attitude.look(lag.pose), lag.rate[3:], out=rates[k, 3:])
+        return seen, rates

@@ -1,0 +1,251 @@
+"""PID on the platform's pose, eq. (19), and the plain PID controller with gravity.
+
+The pose error is e = [p_d - p; R log(R^T R_d)] in world axes: the second half is the world-side
+axis-angle theta_e v_e of eqs. (17)-(18), because R log(R^T R_d) = log(R_d R^T).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from fullam.control.controller import (
+    ALL_AXES,
+    Controller,
+    Measurement,
+    ReferencePoint,
+    register,
+)
+from fullam.dynamics.pose_space import AttitudeView, pose_model
+from fullam.exceptions import SettingsError
+from fullam.model.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+def finite_triple(where: str, field: str, value: object) -> tuple[float, float, float]:
+    """Three finite numbers, none negative, as floats.
+
+    Raises:
+        SettingsError: It is something else.
+    """
+    array = np.asarray(value, dtype=float)
+    if array.shape != (3,) or not np.all(np.isfinite(array)) or np.any(array < 0):
+        raise SettingsError(where, field, f"is {value!r}", "give three finite numbers, none < 0")
+    return (float(array[0]), float(array[1]), float(array[2]))
+
+
+@dataclass(frozen=True)
+class PidSettings:
+    """Gains and limits of a PID on the pose.
+
+    The gains are accelerations per error, so that one set serves vehicles of any mass. The
+    published runs of this control law use (9.6, 1e-3, 6) for position and (19.2, 1e-3, 9) for
+    attitude; the defaults add integral action that cancels a model error within a second or two.
+
+    Attributes:
+        position_gains: Kp [1/s^2], Ki [1/s^3], Kd [1/s] of the three positions.
+        attitude_gains: The same for the axis-angle error.
+        anti_windup: Rate at which undelivered acceleration drains the integrators [1/s].
+        integral_limits: Largest integrator output, linear [m/s^2] and angular [rad/s^2].
+        wrench_bounds: Symmetric bounds on the commanded wrench, except that the vertical force is
+            kept in [0, bound]; six numbers [N, N m], world axes, or None for no bound.
+        max_acceleration: A jump of the reference position is spread over the minimum-jerk profile
+            whose peak acceleration is this [m/s^2]; None leaves jumps as they are.
+        max_angular_acceleration: The same for the attitude [rad/s^2].
+        anticipate: Take the known lags (of the estimator, of the rotors) off the commanded motion,
+            so that they are no error; False flies as the published runs did.
+    """
+
+    position_gains: tuple[float, float, float] = (9.6, 3.0, 6.0)
+    attitude_gains: tuple[float, float, float] = (30.0, 15.0, 10.0)
+    anti_windup: float = 5.0
+    integral_limits: tuple[float, float] = (4.0, 20.0)
+    wrench_bounds: tuple[float, float, float, float, float, float] | None = None
+    max_acceleration: float | None = 2.6
+    max_angular_acceleration: float | None = 8.0
+    anticipate: bool = True
+
+    def __post_init__(self) -> None:
+        """Check every number; lists (from JSON or TOML) become tuples."""
+        name = type(self).__name__
+        for field in ("position_gains", "attitude_gains"):
+            object.__setattr__(self, field, finite_triple(name, field, getattr(self, field)))
+        limits = np.asarray(self.integral_limits, dtype=float)
+        if limits.shape != (2,) or not np.all(limits >= 0.0):
+            raise SettingsError(
+                name, "integral_limits", f"is {self.integral_limits!r}", "give two numbers >= 0"
+            )
+        object.__setattr__(self, "integral_limits", tuple(float(x) for x in limits))
+        if self.wrench_bounds is not None:
+            bounds = np.asarray(self.wrench_bounds, dtype=float)
+            if bounds.shape != (6,) or not np.all(bounds > 0.0):
+                raise SettingsError(
+                    name, "wrench_bounds", f"is {self.wrench_bounds!r}", "give six numbers > 0"
+                )
+            object.__setattr__(self, "wrench_bounds", tuple(float(x) for x in bounds))
+        for field in ("max_acceleration", "max_angular_acceleration"):
+            value = getattr(self, field)
+            if value is not None and not 0.0 < value < np.inf:
+                raise SettingsError(name, field, f"is {value!r}", "give a number > 0, or None")
+        if not 0.0 <= self.anti_windup < np.inf:
+            raise SettingsError(name, "anti_windup", f"is {self.anti_windup!r}", "give a rate >= 0")
+
+    def to_dict(self) -> dict[str, object]:
+        """The settings as JSON values."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+
+class PidLaw:
+    """u_pid = K_p e + K_i int e dt + K_d de/dt + reference acceleration, eq. (19).
+
+    All vectors are in world axes, position first. The error's derivative is the velocity error.
+    The three terms are one product G s with s = [e; i; de], where the integrator i is stored as
+    the acceleration it commands.
+    """
+
+    def __init__(self, settings: PidSettings, period: float, axes: tuple[bool, ...]) -> None:
+        """Lay out the gains; uncontrolled axes get none."""
+        mask = np.asarray(axes, dtype=float)
+        kp, ki, kd = (
+            np.repeat([settings.position_gains[k], settings.attitude_gains[k]], 3) * mask
+            for k in range(3)
+        )
+        self.period = period
+        self.integral_gain = ki
+        self.integral_limit = np.repeat(settings.integral_limits, 3)
+        self.anti_windup = settings.anti_windup
+        self.gains = np.hstack([np.diag(kp), np.eye(6), np.diag(kd)])
+        self._s = np.zeros(18)
+        self.error: Array = self._s[0:6]
+        self.integral: Array = self._s[6:12]
+        self.error_rate: Array = self._s[12:18]
+        self._attitude = AttitudeView()
+        self.rotation: Array = self._attitude.R_WA
+        self._model = pose_model()
+        self._step = self.integral_gain * period
+
+    def reset(self) -> None:
+        """Empty the integrator."""
+        self._s[:] = 0.0
+
+    def acceleration(self, m: Measurement, ref: ReferencePoint, out: Array) -> Array:
+        """Write u_pid [m/s^2, rad/s^2] to `out`, world axes; `rotation` becomes R_WA."""
+        q, v, s = m.q, m.v, self._s
+        R = self._attitude.look(q[:7])
+        e = pin.difference(self._model, q[:7], ref.pose)
+        s[0:3] = e[:3]
+        np.dot(R, e[3:], out=s[3:6])
+        # Rows of v as two 3-vectors in {A}: one product turns both to world axes.
+        np.subtract(ref.velocity, np.dot(v[:6].reshape(2, 3), R.T).ravel(), out=s[12:18])
+        np.dot(self.gains, s, out=out)
+        out += ref.acceleration
+        self.integral += self._step * self.error
+        np.minimum(self.integral, self.integral_limit, out=self.integral)
+        np.maximum(self.integral, -self.integral_limit, out=self.integral)
+        return out
+
+    def drain(self, missing_acceleration: Array) -> None:
+        """Anti-windup: let go of integral action that pushes into a limit, and of no more.
+
+        Where the integrator points along what could not be delivered, it is drained at the rate
+        `anti_windup` times the missing acceleration, down to zero. It is never pushed past zero:
+        a manoeuvre that asks too much for a moment must not leave an offset behind.
+
+        Args:
+            missing_acceleration: delivered minus commanded, shape (6,) [m/s^2, rad/s^2].
+        """
+        i = self.integral
+        step = np.abs(missing_acceleration) * (self.anti_windup * self.period)
+        into_limit = i * missing_acceleration < 0.0
+        i -= np.where(into_limit, np.sign(i) * np.minimum(step, np.abs(i)), 0.0)
+
+
+class PidBase(Controller):
+    """What the controllers built on eq. (19) share: the law, the bounds, the anti-windup."""
+
+    Settings = PidSettings
+    settings: PidSettings
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        settings: PidSettings | None = None,
+        period: float = 0.01,
+        axes: tuple[bool, ...] = ALL_AXES,
+    ) -> None:
+        """Bind the law; see `Controller`."""
+        super().__init__(vehicle, settings, period, axes)
+        self.law = PidLaw(self.settings, period, self.axes)
+        self._wrench: Array = np.zeros(6)
+        self._bounded = self.settings.wrench_bounds is not None
+        if self.settings.wrench_bounds is not None:
+            self._upper = np.array(self.settings.wrench_bounds)
+            self._lower = -self._upper
+            self._lower[2] = 0.0
+        # Total mass, and inertia about {A} at the neutral arm: a missing wrench as acceleration.
+        self._mass = vehicle.mass
+        data = vehicle.create_data()
+        upper = np.triu(pin.crba(vehicle.model, data, vehicle.neutral())[3:6, 3:6])
+        self._inertia = upper + np.triu(upper, 1).T
+        self._inertia_inverse = np.linalg.inv(self._inertia)
+
+    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
+        """Empty the integrator."""
+        self.law.reset()
+        self._wrench[:] = 0.0
+
+    def _bound(self) -> None:
+        """Clip the command to `wrench_bounds`; what is cut off drains the integrator."""
+        commanded = self._wrench.copy()
+        np.minimum(self._wrench, self._upper, out=self._wrench)
+        np.maximum(self._wrench, self._lower, out=self._wrench)
+        if not np.array_equal(commanded, self._wrench):
+            self._drain(self._wrench - commanded)
+
+    def _drain(self, missing_W: Array) -> None:
+        R = self.law.rotation
+        missing = np.empty(6)
+        missing[:3] = missing_W[:3] / self._mass
+        missing[3:] = R @ (self._inertia_inverse @ (R.T @ missing_W[3:]))
+        self.law.drain(missing)
+
+    def delivered(self, wrench_W: Array) -> None:
+        """Drain the integrator by what the allocation could not deliver."""
+        self._drain(wrench_W - self._wrench)
+
+
+@register("pid")
+class Pid(PidBase):
+    """Eq. (19) on the vehicle taken as one rigid body at rest, with its weight fed forward.
+
+    u = [m (u_f - g); R I R^T u_tau] with the total mass m, the inertia I about {A} at the neutral
+    arm, and gravity g: what dc-PID is measured against, since it knows nothing of the arm's pose.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        settings: PidSettings | None = None,
+        period: float = 0.01,
+        axes: tuple[bool, ...] = ALL_AXES,
+    ) -> None:
+        """Bind the law; see `Controller`."""
+        super().__init__(vehicle, settings, period, axes)
+        self._weight = np.zeros(6)
+        self._weight[2] = self._mass * vehicle.gravity
+
+    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
+        """U = blkdiag(m 1, R I R^T) u_pid - [m g; 0], world axes; see `Controller.wrench`."""
+        a = self.law.acceleration(measurement, reference, self.u_pid)
+        R, u = self.law.rotation, self._wrench
+        np.multiply(a[:3], self._mass, out=u[:3])
+        u[3:] = R @ (self._inertia @ (R.T @ a[3:]))
+        u += self._weight
+        self.u_dc[:] = self._weight
+        if self._bounded:
+            self._bound()
+        return u

@@ -1,0 +1,86 @@
+"""How the arm moves: prescribed joint motions as data (the servos are position controlled)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.exceptions import ScenarioError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTable:
+    """Joint angles, rates and accelerations on a time grid, each of shape (N, n)."""
+
+    theta: Array
+    dtheta: Array
+    ddtheta: Array
+
+
+@dataclass(frozen=True)
+class HoldArm:
+    """The arm stays in its initial configuration."""
+
+    kind: ClassVar[str] = "hold"
+
+    def tabulate(self, t: Array, initial: Array) -> ArmTable:
+        """The motion on the grid t [s], from the initial angles [rad]."""
+        still = np.zeros((t.size, initial.size))
+        return ArmTable(still + initial, still, still)
+
+
+@dataclass(frozen=True)
+class SineRate:
+    """One joint moves at the rate a sin(w t): theta = theta_0 + a (1 - cos w t) / w.
+
+    With the paper's tasks: joint 3, a = 0.5 rad/s, w = 1 rad/s.
+
+    Attributes:
+        joint: Number of the joint, 1 for the first.
+        rate: Amplitude a of the rate [rad/s].
+        frequency: w [rad/s].
+    """
+
+    kind: ClassVar[str] = "sine-rate"
+    joint: int = 3
+    rate: float = 0.5
+    frequency: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.joint < 1:
+            raise ScenarioError("arm motion", "joint", f"is {self.joint}", "joints count from 1")
+        if not (np.isfinite(self.rate) and 0.0 < self.frequency < np.inf):
+            raise ScenarioError(
+                "arm motion",
+                "rate, frequency",
+                f"are {self.rate!r}, {self.frequency!r}",
+                "give a finite rate and a frequency above 0",
+            )
+
+    def tabulate(self, t: Array, initial: Array) -> ArmTable:
+        """The motion on the grid t [s], from the initial angles [rad]."""
+        if self.joint > initial.size:
+            raise ScenarioError(
+                "arm motion",
+                "joint",
+                f"is {self.joint}, the arm has {initial.size}",
+                f"give 1 to {initial.size}",
+            )
+        theta = np.zeros((t.size, initial.size)) + initial
+        dtheta, ddtheta = np.zeros_like(theta), np.zeros_like(theta)
+        j, w = self.joint - 1, self.frequency
+        theta[:, j] += self.rate * (1.0 - np.cos(w * t)) / w
+        dtheta[:, j] = self.rate * np.sin(w * t)
+        ddtheta[:, j] = self.rate * w * np.cos(w * t)
+        return ArmTable(theta, dtheta, ddtheta)
+
+
+ArmMotion = HoldArm | SineRate
+
+KINDS: dict[str, type[ArmMotion]] = {c.kind: c for c in (HoldArm, SineRate)}

@@ -1,0 +1,363 @@
+"""One flight, prepared and flown: the loop of sensors, controller, allocation and plant.
+
+Everything that can be known before take-off is tabulated before take-off (reference, arm motion,
+weather), so the loop reads as one sentence and other engines can start from the same tables.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import fullam.version
+from fullam.control.allocation import Allocator
+from fullam.control.controller import Controller, Measurement, ReferencePoint, controller_class
+from fullam.control.estimator import Estimator, estimator_class
+from fullam.dynamics.pose_space import AttitudeView
+from fullam.exceptions import ScenarioError
+from fullam.model.perturbation import perturb
+from fullam.model.vehicle import Vehicle
+from fullam.simulation.anticipation import Anticipation
+from fullam.simulation.arm_motion import ArmTable
+from fullam.simulation.plant import Plant
+from fullam.simulation.references import ReferenceTable, blend_jumps, tabulate
+from fullam.simulation.run import FORMAT, Run, allocate_columns
+from fullam.simulation.scenario import Scenario
+from fullam.simulation.sensors import Sensors
+from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.weather import Forecast, Weather, forecast
+
+Array = NDArray[np.float64]
+
+DIVERGENCE_PERIOD = 0.01
+"""Time between looks at the bounds of sense [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlightPlan:
+    """All that a flight is made of, fixed before it starts.
+
+    Attributes:
+        scenario: The experiment.
+        nominal: The vehicle as the controller knows it.
+        true: The vehicle that flies.
+        controller: Name of the controller.
+        settings: Its settings.
+        simulation: Rates, integrator and sensors.
+        weather: Statistics of what spoils the flight.
+        seed: Seed of the draw.
+        t: Control grid [s], shape (N,).
+        asked: The scenario's reference on the grid.
+        reference: What the controller is fed: `asked` with its jumps blended.
+        anticipation: Known lags of the commanded motion; None if the controller wants none.
+        arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
+        forecast: The draw of the weather.
+    """
+
+    scenario: Scenario
+    nominal: Vehicle
+    true: Vehicle
+    controller: str
+    settings: Any
+    simulation: SimulationSettings
+    weather: Weather
+    seed: int
+    t: Array
+    asked: ReferenceTable
+    reference: ReferenceTable
+    anticipation: Anticipation | None
+    arm: ArmTable
+    forecast: Forecast
+
+    @classmethod
+    def prepare(
+        cls,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        controller: str,
+        settings: Any,
+        simulation: SimulationSettings,
+        weather: Weather,
+        seed: int,
+    ) -> FlightPlan:
+        """Tabulate reference and arm, draw the weather and the true vehicle.
+
+        Raises:
+            ScenarioError: The arm angles do not fit the vehicle, or the reference is not finite.
+            NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
+        """
+        vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        period = simulation.control_period
+        rows = round(scenario.duration / period) + 1
+        t = np.arange(rows, dtype=np.float64) * period
+        angles = np.array(scenario.initial_arm_deg or (0.0,) * vehicle.n_arm, dtype=np.float64)
+        angles *= np.pi / 180.0
+        if angles.shape != (vehicle.n_arm,):
+            raise ScenarioError(
+                f"scenario '{scenario.name}'",
+                "initial_arm_deg",
+                f"has {angles.size} angles",
+                f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints",
+            )
+        half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
+        arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
+        asked = tabulate(scenario.reference, t, scenario.initial_pose)
+        reference = blend_jumps(
+            asked,
+            scenario.initial_pose,
+            getattr(settings, "max_acceleration", None),
+            getattr(settings, "max_angular_acceleration", None),
+        )
+        anticipation = None
+        if getattr(settings, "anticipate", False):
+            lag = float(vehicle.rotors.lags.mean()) + 0.5 * period
+            anticipation = Anticipation.of(reference, make_estimator(simulation), lag)
+            reference = anticipation.reference
+        draw = forecast(weather, seed, t)
+        true = perturb(vehicle, weather.uncertainty, draw.parameters)
+        return cls(
+            scenario,
+            vehicle,
+            true,
+            controller,
+            settings,
+            simulation,
+            weather,
+            seed,
+            t,
+            asked,
+            reference,
+            anticipation,
+            arm,
+            draw,
+        )
+
+    def arm_row(self, k: int) -> int:
+        """Row of the arm table that belongs to control period k."""
+        return 2 * k * self.simulation.substeps
+
+
+def make_estimator(simulation: SimulationSettings) -> Estimator:
+    """The estimator that the settings name, at their rates."""
+    return estimator_class(simulation.estimator)(
+        simulation.control_period,
+        simulation.pose_period or simulation.control_period,
+        simulation.filter_cutoff,
+    )
+
+
+class Flight:
+    """The reference engine: flies a plan tick by tick, in Python.
+
+    Iterate over `ticks()`; after each tick the row of that tick is in the log and the plant stands
+    at the next one. A viewer may stop at any tick; `run()` gives the record so far.
+
+    Attributes:
+        plan: What is flown.
+        plant: The true vehicle.
+        controller: The law.
+        allocator: Wrench to rotor speeds.
+        outcome: "flying", "completed" or "diverged".
+        reason: Why it diverged.
+        ticks_flown: Rows of the log that are written.
+    """
+
+    def __init__(self, plan: FlightPlan) -> None:
+        """Place the vehicle at the scenario's start, at rest, its rotors at hover speed."""
+        self.plan = plan
+        nominal, simulation = plan.nominal, plan.simulation
+        axes = plan.scenario.axes_mask
+        self.allocator = Allocator(nominal.rotors, axes=np.array(axes), vehicle_name=nominal.name)
+        self.controller: Controller = controller_class(plan.controller)(
+            nominal, plan.settings, simulation.control_period, axes
+        )
+        self.estimator = make_estimator(simulation)
+        self._log = allocate_columns(plan.t.size, nominal.n_arm, nominal.rotors.count)
+        self.measurement = Measurement(nominal)
+        self.measurement.q[:7] = plan.scenario.initial_pose
+        self.measurement.q[7:] = plan.arm.theta[0]
+        self._attitude = AttitudeView()
+        self._data = nominal.create_data()
+        self._at_origin = nominal.neutral()
+        self.plant = Plant(
+            plan.true,
+            plan.arm,
+            plan.scenario.initial_pose,
+            self._hover_speeds(),
+            simulation.plant_period,
+            simulation.integrator,
+        )
+        self.sensors = Sensors(simulation, plan.forecast, plan.nominal.gravity, self._log["pose"])
+        self.outcome, self.reason = "flying", ""
+        self.ticks_flown = 0
+
+    def _hover_speeds(self) -> Array:
+        """Speeds that carry the nominal vehicle where it starts, so no flight begins in a fall."""
+        model, q = self.plan.nominal.model, self.measurement.q
+        weight_A = pin.computeGeneralizedGravity(model, model.createData(), q)[:6]
+        speeds = self.allocator.solve(weight_A).speeds
+        self.allocator.reset()
+        return speeds
+
+    def ticks(self) -> Iterator[int]:
+        """Fly; yields the number of each tick once its row is written and its period flown."""
+        plan, plant, log, m = self.plan, self.plant, self._log, self.measurement
+        sensors, estimator, controller = self.sensors, self.estimator, self.controller
+        allocator, attitude = self.allocator, self._attitude
+        anticipation = plan.anticipation
+        inertial = getattr(estimator, "needs_inertial", False)
+        reference, arm, substeps = plan.reference, plan.arm, plan.simulation.substeps
+        poses, velocities, accelerations = (
+            reference.pose,
+            reference.velocity,
+            reference.acceleration,
+        )
+        max_speeds = plan.nominal.rotors.max_speeds
+        normalized_coupling = plan.nominal.rotors.normalized_coupling
+        gusts = plan.forecast.disturbance
+        gusting: list[bool] = np.any(gusts != 0.0, axis=1).tolist()
+        point = ReferencePoint()
+        wrench_A = np.empty(6)
+        last = plan.t.size - 1
+        look_every = max(1, round(DIVERGENCE_PERIOD / plan.simulation.control_period))
+        for k, t in enumerate(plan.t.tolist()):
+            log["pose"][k] = plant.q[:7]
+            log["velocity"][k] = plant.v[:6]
+            log["rotor_speeds"][k] = plant.speeds
+            if k % look_every == 0 and self._has_diverged(k):
+                return
+            readings = sensors.read(k, plant)
+            if inertial:
+                sensors.read_inertial(k, plant)
+            row = 2 * k * substeps
+            m.q[7:], m.v[6:] = arm.theta[row], arm.dtheta[row]
+            m.arm_acceleration = arm.ddtheta[row]
+            point.pose, point.velocity = poses[k], velocities[k]
+            point.acceleration = accelerations[k]
+            if k == 0:
+                estimator.reset(readings)
+                estimator.update(readings, m)
+                controller.reset(m, point)
+            else:
+                estimator.update(readings, m)
+
+            ahead = anticipation if anticipation is not None and anticipation.moving[k] else None
+            if ahead is not None:
+                ahead.advance(k, m)
+
+            wrench_W = controller.wrench(t, m, point)
+            R_WA = ahead.attitude_of_thrust(k, m) if ahead is not None else attitude.look(m.q[:7])
+            np.dot(wrench_W.reshape(2, 3), R_WA, out=wrench_A.reshape(2, 3))
+            u = allocator.allocate(wrench_A)
+            if allocator.saturated:
+                u = allocator.allocate_about(wrench_A, self._center_of_mass())
+                achieved_A = normalized_coupling @ u
+                controller.delivered((achieved_A.reshape(2, 3) @ R_WA.T).ravel())
+                log["residual"][k] = achieved_A - wrench_A
+                log["saturated"][k] = True
+            speeds = max_speeds * np.sqrt(u)
+
+            log["measured_pose"][k] = m.q[:7]
+            log["measured_velocity"][k] = m.v[:6]
+            log["u_pid"][k] = controller.u_pid
+            log["u_dc"][k] = controller.u_dc
+            log["command"][k] = wrench_W
+            log["rotor_commands"][k] = speeds
+            self.ticks_flown = k + 1
+            if k < last:
+                plant.advance(speeds, gusts[k] if gusting[k] else None, substeps)
+            yield k
+        self.outcome = "completed"
+
+    def _center_of_mass(self) -> Array:
+        """Centre of mass of the nominal vehicle in {A} for the arm as it is, shape (3,) [m]."""
+        self._at_origin[7:] = self.measurement.q[7:]
+        return pin.centerOfMass(self.plan.nominal.model, self._data, self._at_origin)
+
+    def _has_diverged(self, k: int) -> bool:
+        """Whether the true pose has left the bounds around the reference (NaN has)."""
+        pose, target = self._log["pose"][k], self.plan.reference.pose[k]
+        settings, mask = self.plan.simulation, self.plan.scenario.axes_mask
+        distance = float(np.linalg.norm((pose[:3] - target[:3])[list(mask[:3])]))
+        cosine = min(1.0, abs(float(pose[3:] @ target[3:])))
+        angle = 2.0 * np.degrees(np.arccos(cosine))
+        if distance <= settings.max_position_error and angle <= settings.max_attitude_error_deg:
+            return False
+        self.outcome = "diverged"
+        self.reason = (
+            f"at t = {self.plan.t[k]:.3f} s the platform is {distance:.3g} m and {angle:.3g} deg "
+            f"from the reference (bounds: {settings.max_position_error:g} m, "
+            f"{settings.max_attitude_error_deg:g} deg)"
+        )
+        return True
+
+    def run(self) -> Run:
+        """The record so far; columns that follow from others are computed here, at once."""
+        return finish(self.plan, self._log, self.ticks_flown, self.outcome, self.reason)
+
+
+def finish(
+    plan: FlightPlan,
+    log: dict[str, Array],
+    rows: int,
+    outcome: str,
+    reason: str,
+    engine: str = "reference",
+) -> Run:
+    """Turn a log whose velocities are in body axes into a run.
+
+    Args:
+        plan: What was flown.
+        log: Columns, of which pose, velocity, measured_pose, measured_velocity (body axes), u_pid,
+            u_dc, command, residual, saturated, rotor_commands and rotor_speeds are written.
+        rows: How many rows are written.
+        outcome: "completed", "diverged" or "flying".
+        reason: Why it diverged.
+        engine: Which engine flew it.
+    """
+    out = {name: column[:rows].copy() for name, column in log.items()}
+    out["t"] = plan.t[:rows].copy()
+    arm_rows = np.arange(rows) * (2 * plan.simulation.substeps)
+    out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
+    out["reference_pose"] = plan.asked.pose[:rows].copy()
+    out["disturbance"] = plan.forecast.disturbance[:rows].copy()
+    R_true = Rotation.from_quat(out["pose"][:, 3:]).as_matrix()
+    R_told = Rotation.from_quat(out["measured_pose"][:, 3:]).as_matrix()
+    out["velocity"] = _turn(R_true, out["velocity"])
+    out["measured_velocity"] = _turn(R_told, out["measured_velocity"])
+    out["delivered"] = out["command"] + _turn(R_told, out["residual"])
+    rotor_A = np.square(out["rotor_speeds"]) @ plan.true.rotors.coupling_matrix.T
+    out["rotor_wrench"] = _turn(R_true, rotor_A)
+    metadata = {
+        "format": FORMAT,
+        "scenario": plan.scenario.to_dict(),
+        "vehicle": {"definition": plan.nominal.definition, "urdf": plan.nominal.urdf},
+        "controller": plan.controller,
+        "settings": plan.settings.to_dict(),
+        "simulation": plan.simulation.to_dict(),
+        "weather": plan.weather.to_dict(),
+        "seed": plan.seed,
+        "outcome": outcome,
+        "reason": reason,
+        "engine": engine,
+        "versions": {
+            "fullam": fullam.version.__version__,
+            "python": platform.python_version(),
+            "pin": pin.__version__,
+            "numpy": np.__version__,
+        },
+    }
+    return Run(out, metadata)
+
+
+def _turn(R: Array, wrenches: Array) -> Array:
+    """Turn both halves of 6-vectors, shape (N, 6), by rotations, shape (N, 3, 3)."""
+    halves = wrenches.reshape(-1, 2, 3)
+    return np.einsum("nij,nkj->nki", R, halves).reshape(-1, 6)

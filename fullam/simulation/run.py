@@ -1,0 +1,260 @@
+"""The record of a flight: columns with units, and all it takes to fly it again."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.dynamics.pose_space import euler_from_pose
+from fullam.exceptions import RunFileError
+from fullam.files import atomic_path
+from fullam.model.vehicle import Vehicle
+from fullam.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    from fullam.simulation.settings import SimulationSettings
+    from fullam.simulation.weather import Weather
+
+Array = NDArray[Any]
+
+FORMAT = "fullam-run-1"
+"""Stands in every run file; another value is refused."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the record: its width, unit and meaning.
+
+    `width` is a number, "arm" (joints) or "rotors".
+    """
+
+    width: int | str
+    unit: str
+    meaning: str
+
+
+COLUMNS: dict[str, Column] = {
+    "t": Column(0, "s", "time of the controller tick"),
+    "pose": Column(7, "m, quaternion xyzw", "true pose of {A} in {W}"),
+    "velocity": Column(6, "m/s, rad/s", "true [dp, w] in world axes"),
+    "arm": Column("arm", "rad", "joint angles"),
+    "arm_rate": Column("arm", "rad/s", "joint rates"),
+    "measured_pose": Column(7, "m, quaternion xyzw", "pose the controller was told"),
+    "measured_velocity": Column(6, "m/s, rad/s", "[dp, w] it was told, world axes"),
+    "reference_pose": Column(7, "m, quaternion xyzw", "pose asked for by the scenario"),
+    "u_pid": Column(6, "m/s^2, rad/s^2", "commanded acceleration, eq. (19), world axes"),
+    "u_dc": Column(6, "N, N m", "compensation wrench, eq. (20), world axes"),
+    "command": Column(6, "N, N m", "commanded wrench, eq. (26), world axes at {A}"),
+    "delivered": Column(6, "N, N m", "wrench of the allocated speeds, world axes at {A}"),
+    "residual": Column(6, "N, N m", "delivered minus commanded, {A} axes; 0 in reach"),
+    "saturated": Column(0, "", "whether a bound kept the allocation from the command"),
+    "rotor_commands": Column("rotors", "rad/s", "speeds asked of the rotors"),
+    "rotor_speeds": Column("rotors", "rad/s", "true speeds"),
+    "rotor_wrench": Column(6, "N, N m", "true wrench of the rotors, world axes at {A}"),
+    "disturbance": Column(6, "N, N m", "gust on the platform, world axes at {A}"),
+}
+"""Every column of a run, in order."""
+
+
+def allocate_columns(rows: int, n_arm: int, n_rotors: int) -> dict[str, Array]:
+    """Preallocated columns of a run, shape (rows,) or (rows, width)."""
+    widths: dict[int | str, tuple[int, ...]] = {"arm": (n_arm,), "rotors": (n_rotors,), 0: ()}
+    return {
+        name: np.zeros(
+            (rows, *widths.get(c.width, (c.width,))), dtype=bool if name == "saturated" else float
+        )
+        for name, c in COLUMNS.items()
+    }
+
+
+class Run:
+    """A flight that has happened.
+
+    Each column of `COLUMNS` is an attribute: `run.pose`, `run.rotor_speeds`, ... `units` names
+    their units. The record carries the nominal vehicle, the scenario, the controller's settings,
+    the weather, the seed and the versions, and `refly` repeats the flight bit for bit from them.
+
+    Attributes:
+        columns: Name to array, read-only, one row per controller tick.
+        metadata: JSON values; see the properties.
+    """
+
+    def __init__(self, columns: dict[str, Array], metadata: dict[str, Any]) -> None:
+        """Own the columns, which become read-only."""
+        self.columns = columns
+        for array in columns.values():
+            array.setflags(write=False)
+        self.metadata = metadata
+
+    t: Array
+    pose: Array
+    velocity: Array
+    arm: Array
+    arm_rate: Array
+    measured_pose: Array
+    measured_velocity: Array
+    reference_pose: Array
+    u_pid: Array
+    u_dc: Array
+    command: Array
+    delivered: Array
+    residual: Array
+    saturated: Array
+    rotor_commands: Array
+    rotor_speeds: Array
+    rotor_wrench: Array
+    disturbance: Array
+
+    def __getattr__(self, name: str) -> Array:
+        """A column by its name."""
+        columns = self.__dict__.get("columns", {})
+        if name in columns:
+            return columns[name]
+        raise AttributeError(f"a run has no '{name}'; its columns are {', '.join(COLUMNS)}")
+
+    def __len__(self) -> int:
+        """Number of controller ticks."""
+        return len(self.columns["t"])
+
+    def __repr__(self) -> str:
+        """Scenario, controller, seed, length, outcome."""
+        return (
+            f"<Run {self.scenario.name} / {self.controller} / seed {self.seed}: "
+            f"{len(self)} ticks, {self.outcome}>"
+        )
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each column."""
+        return {name: column.unit for name, column in COLUMNS.items()}
+
+    @property
+    def euler_xyz(self) -> Array:
+        """True x-y-z Euler angles (phi, psi, gamma), eq. (2), shape (N, 3) [rad]."""
+        return euler_from_pose(self.pose)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The nominal vehicle, rebuilt from the record alone."""
+        data = self.metadata["vehicle"]
+        return Vehicle.from_definition(data["definition"], data["urdf"])
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+        return Scenario.from_dict(self.metadata["scenario"])
+
+    @property
+    def weather(self) -> Weather:
+        """The weather it flew in."""
+        from fullam.simulation.weather import Weather
+
+        return Weather.from_dict(self.metadata["weather"])
+
+    @property
+    def simulation(self) -> SimulationSettings:
+        """Rates, integrator and sensors."""
+        from fullam.simulation.settings import SimulationSettings
+
+        return SimulationSettings.from_dict(self.metadata["simulation"])
+
+    @property
+    def controller(self) -> str:
+        """Name of the controller."""
+        return str(self.metadata["controller"])
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The controller's settings, all of them."""
+        return dict(self.metadata["settings"])
+
+    @property
+    def seed(self) -> int:
+        """Seed of the weather."""
+        return int(self.metadata["seed"])
+
+    @property
+    def outcome(self) -> str:
+        """How it ended: "completed" or "diverged"."""
+        return str(self.metadata["outcome"])
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the flight ended early because it left the bounds of sense."""
+        return self.outcome == "diverged"
+
+    def refly(self) -> Run:
+        """Fly the same flight again from the record alone; equal versions give equal bits."""
+        from fullam.simulation.simulate import simulate
+
+        return simulate(
+            self.scenario,
+            self.controller,
+            vehicle=self.vehicle,
+            seed=self.seed,
+            weather=self.weather,
+            settings=self.settings,
+            simulation=self.simulation,
+            engine=self.metadata["engine"],
+            throw=False,
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the run to one `.npz` file, atomically.
+
+        The file is NumPy's: one array a column, and `metadata`, a JSON text.
+
+        Raises:
+            RunFileError: The name does not end in .npz.
+        """
+        path = Path(path)
+        if path.suffix != ".npz":
+            raise RunFileError(str(path), "name", "does not end in .npz", "give it that suffix")
+        with atomic_path(path) as temporary:
+            np.savez_compressed(
+                temporary,
+                allow_pickle=False,
+                metadata=np.array(json.dumps(self.metadata)),
+                **self.columns,
+            )
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Run:
+        """Read a run written by `save`.
+
+        Raises:
+            RunFileError: The file is missing, truncated, or no run of this format.
+        """
+        where = str(path)
+        if not Path(path).is_file():
+            raise RunFileError(where, "file", "does not exist", "give the path of a saved run")
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+        except (zipfile.BadZipFile, ValueError, EOFError, OSError, KeyError) as error:
+            raise RunFileError(
+                where, "file", f"cannot be read ({error})", "save the run again; it is truncated"
+            ) from error
+        try:
+            metadata = json.loads(str(arrays.pop("metadata")))
+        except (KeyError, json.JSONDecodeError) as error:
+            raise RunFileError(
+                where, "metadata", "is missing or no JSON", "give a file written by Run.save"
+            ) from error
+        if metadata.get("format") != FORMAT:
+            raise RunFileError(
+                where, "format", f"is {metadata.get('format')!r}", f"this version reads '{FORMAT}'"
+            )
+        missing = [name for name in COLUMNS if name not in arrays]
+        if missing:
+            raise RunFileError(
+                where, "columns", f"{', '.join(missing)} missing", "save the run again"
+            )
+        return cls({name: arrays[name] for name in COLUMNS}, metadata)

@@ -1,0 +1,173 @@
+"""A scenario: who flies, from where, to where, with which arm motion, in which weather."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.dynamics.pose_space import pose_from_euler
+from fullam.exceptions import ScenarioError, UnknownName
+from fullam.simulation import arm_motion, references
+from fullam.simulation.arm_motion import ArmMotion, HoldArm
+from fullam.simulation.references import Reference, Step
+from fullam.simulation.weather import PAPER, Weather
+from fullam.simulation.weather import weather as named_weather
+
+Array = NDArray[np.float64]
+
+AXES = ("x", "y", "z", "phi", "psi", "gamma")
+"""Names of the six axes: position, then x-y-z Euler angles (or the moments about x, y, z)."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One experiment, as data.
+
+    Attributes:
+        name: Short name.
+        description: One sentence.
+        vehicle: Name of a vehicle, or path of its TOML.
+        initial_position: Position of {A} at the start [m].
+        initial_euler_deg: x-y-z Euler angles at the start [deg].
+        initial_arm_deg: Joint angles at the start [deg]; empty means all zero.
+        reference: Where the platform should be.
+        arm_motion: How the arm moves.
+        duration: Length of the flight [s].
+        axes: The controlled axes, out of `AXES`.
+        weather: What spoils the flight unless the caller says otherwise.
+    """
+
+    name: str
+    reference: Reference = field(default_factory=lambda: Step((0.0, 0.0, 1.0)))
+    description: str = ""
+    vehicle: str = "fullam"
+    initial_position: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    initial_euler_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    initial_arm_deg: tuple[float, ...] = ()
+    arm_motion: ArmMotion = field(default_factory=HoldArm)
+    duration: float = 6.0
+    axes: tuple[str, ...] = AXES
+    weather: Weather = PAPER
+
+    def __post_init__(self) -> None:
+        """Check the numbers and the axes; lists become tuples."""
+        for name in ("initial_position", "initial_euler_deg", "initial_arm_deg"):
+            value = np.asarray(getattr(self, name), dtype=float)
+            shape_is_right = value.ndim == 1 and (name == "initial_arm_deg" or value.size == 3)
+            if not shape_is_right or not np.all(np.isfinite(value)):
+                raise ScenarioError(
+                    f"scenario '{self.name}'",
+                    name,
+                    f"is {getattr(self, name)!r}",
+                    "give finite numbers, three of a position or of Euler angles",
+                )
+            object.__setattr__(self, name, tuple(float(x) for x in value))
+        if not (np.isfinite(self.duration) and self.duration > 0.0):
+            raise ScenarioError(
+                f"scenario '{self.name}'",
+                "duration",
+                f"is {self.duration!r}",
+                "give seconds, above 0",
+            )
+        axes = tuple(self.axes)
+        if not axes or set(axes) - set(AXES):
+            raise ScenarioError(
+                f"scenario '{self.name}'", "axes", f"is {axes!r}", f"choose from {', '.join(AXES)}"
+            )
+        object.__setattr__(self, "axes", tuple(a for a in AXES if a in axes))
+
+    @property
+    def axes_mask(self) -> tuple[bool, ...]:
+        """Which of the six axes are controlled."""
+        return tuple(a in self.axes for a in AXES)
+
+    @property
+    def initial_pose(self) -> Array:
+        """[p, quaternion xyzw] at the start, shape (7,)."""
+        return pose_from_euler(
+            np.array(self.initial_position), np.radians(np.array(self.initial_euler_deg))
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON values; `from_dict` is the inverse."""
+        data = {f.name: getattr(self, f.name) for f in fields(self)}
+        data["reference"] = references.to_dict(self.reference)
+        data["arm_motion"] = references.to_dict(self.arm_motion)
+        data["weather"] = self.weather.to_dict()
+        return data
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Scenario:
+        """Build a scenario from plain data.
+
+        `weather` may be a name ("calm", "recorded", "paper") or a table of its fields.
+
+        Raises:
+            ScenarioError: An unknown field, or a value that does not fit.
+        """
+        name = str(data.get("name", "?"))
+        known = [f.name for f in fields(cls)]
+        for key in data:
+            if key not in known:
+                raise ScenarioError(
+                    f"scenario '{name}'", key, "is no field of it", f"it has {', '.join(known)}"
+                )
+        if "name" not in data:
+            raise ScenarioError("scenario", "name", "is missing", "give it a name")
+        values = dict(data)
+        if "reference" in values:
+            values["reference"] = references.from_dict(
+                references.KINDS, "reference", values["reference"]
+            )
+        if "arm_motion" in values:
+            values["arm_motion"] = references.from_dict(
+                arm_motion.KINDS, "arm motion", values["arm_motion"]
+            )
+        if isinstance(values.get("weather"), str):
+            values["weather"] = named_weather(values["weather"])
+        elif "weather" in values:
+            values["weather"] = Weather.from_dict(values["weather"])
+        return cls(**values)
+
+
+_REGISTRY: dict[str, Scenario] = {}
+
+
+def register_scenario(scenario: Scenario) -> Scenario:
+    """Make a scenario known under its name."""
+    _REGISTRY[scenario.name] = scenario
+    return scenario
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Names of the registered scenarios, in the order of registration."""
+    return tuple(_REGISTRY)
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """The registered scenario of that name, or one read from a TOML file.
+
+    Raises:
+        UnknownName: Neither a registered name nor an existing file.
+        ScenarioError: The file is no TOML, or does not describe a scenario.
+    """
+    if str(name_or_path) in _REGISTRY:
+        return _REGISTRY[str(name_or_path)]
+    path = Path(name_or_path)
+    if path.suffix != ".toml" or not path.is_file():
+        raise UnknownName("scenario", str(name_or_path), scenario_names())
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ScenarioError(str(path), "TOML", str(error), "mend the syntax") from error
+    try:
+        return Scenario.from_dict(data)
+    except ScenarioError as error:
+        raise ScenarioError(
+            f"{path}: {error.where}", error.field, error.problem, error.remedy
+        ) from error

@@ -1,0 +1,95 @@
+"""How a flight is simulated: rates, integrator, sensors and the bounds of sense."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from fullam.control.estimator import estimator_class
+from fullam.dynamics.integrators import integrator
+from fullam.exceptions import ScenarioError
+
+WHERE = "simulation settings"
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """Everything about a flight that is neither vehicle, scenario, weather nor controller.
+
+    Attributes:
+        control_period: Time between controller ticks [s].
+        plant_period: Time step of the plant [s]; divides the control period.
+        integrator: "midpoint" (order 2), "rk4" (order 4) or "semi-implicit-euler" (order 1).
+        pose_period: Time between poses from the pose sensor [s]; a multiple of the control period.
+        delay: Age of a pose when it arrives [s]; a multiple of the control period.
+        estimator: Name of the estimator.
+        filter_cutoff: Corner frequency of the first-order pose filter [rad/s]; the published runs
+            have 18.
+        max_position_error: Farther than this from the reference [m] the flight has diverged.
+        max_attitude_error_deg: The same for the angle to the reference attitude [deg].
+    """
+
+    control_period: float = 0.01
+    plant_period: float = 0.001
+    integrator: str = "midpoint"
+    pose_period: float | None = None
+    delay: float = 0.0
+    estimator: str = "first-order"
+    filter_cutoff: float = 18.0
+    max_position_error: float = 5.0
+    max_attitude_error_deg: float = 120.0
+
+    def __post_init__(self) -> None:
+        """Check ranges, names and that the rates divide each other."""
+        for field in ("control_period", "plant_period", "filter_cutoff", "max_position_error"):
+            value = getattr(self, field)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ScenarioError(WHERE, field, f"is {value!r}", "give a number above 0")
+        if self.pose_period is None:
+            object.__setattr__(self, "pose_period", self.control_period)
+        integrator(self.integrator)
+        estimator_class(self.estimator)
+        self._multiple("control_period", self.control_period, "plant_period", self.plant_period)
+        self._multiple("pose_period", self.pose_period, "control_period", self.control_period)
+        if self.delay != 0.0:
+            self._multiple("delay", self.delay, "control_period", self.control_period)
+
+    def _multiple(self, field: str, value: float | None, unit_name: str, unit: float) -> None:
+        ratio = (value or np.nan) / unit
+        if not (ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6 * ratio):
+            raise ScenarioError(
+                WHERE,
+                field,
+                f"{value!r} s is no multiple of {unit_name} = {unit!r} s",
+                "give a whole multiple",
+            )
+
+    @property
+    def substeps(self) -> int:
+        """Plant steps in a control period."""
+        return round(self.control_period / self.plant_period)
+
+    @property
+    def pose_every(self) -> int:
+        """Control periods between two poses."""
+        return round((self.pose_period or self.control_period) / self.control_period)
+
+    @property
+    def delay_periods(self) -> int:
+        """Age of a pose in control periods."""
+        return round(self.delay / self.control_period)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:
+        """The inverse of `to_dict`."""
+        known = [f.name for f in fields(cls)]
+        for key in data:
+            if key not in known:
+                raise ScenarioError(WHERE, key, "is no field of it", f"it has {', '.join(known)}")
+        return cls(**data)

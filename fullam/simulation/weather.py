@@ -1,0 +1,172 @@
+"""Noise, disturbances and parameter errors: drawn before the flight, the same for everyone.
+
+One seed spawns separate streams for the pose noise, the disturbance, the inertial sensors and the
+parameters, so two controllers with one seed meet exactly the same weather, however they fly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.exceptions import ScenarioError, UnknownName
+from fullam.model.perturbation import Uncertainty
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Weather:
+    """What spoils a flight.
+
+    Attributes:
+        position_noise: Standard deviation of the measured position, each axis [m].
+        attitude_noise_deg: Standard deviation of the measured attitude, each body axis [deg].
+        noise_bound: Noise is redrawn until within this many standard deviations.
+        force_disturbance: Standard deviation of the force gusts, each axis [N].
+        moment_disturbance: Standard deviation of the moment gusts, each axis [N m].
+        gust_interval: Time between gusts [s]; the first one comes after one interval.
+        gust_duration: Time for which a gust lasts [s].
+        gyroscope_noise: Standard deviation of a gyroscope sample [rad/s].
+        accelerometer_noise: Standard deviation of an accelerometer sample [m/s^2].
+        uncertainty: Which true parameters differ from the nominal ones, and by how much.
+    """
+
+    position_noise: float = 0.0
+    attitude_noise_deg: float = 0.0
+    noise_bound: float = np.inf
+    force_disturbance: float = 0.0
+    moment_disturbance: float = 0.0
+    gust_interval: float = 1.0
+    gust_duration: float = 0.01
+    gyroscope_noise: float = 0.0
+    accelerometer_noise: float = 0.0
+    uncertainty: Uncertainty = field(default_factory=lambda: Uncertainty(share=0.0))
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name == "uncertainty":
+                continue
+            positive = f.name in ("noise_bound", "gust_interval", "gust_duration")
+            finite = f.name == "noise_bound" or np.isfinite(value)
+            if not finite or not (value > 0.0 if positive else value >= 0.0):
+                raise ScenarioError(
+                    "weather",
+                    f.name,
+                    f"is {value!r}",
+                    f"give a number {'above 0' if positive else 'of at least 0'}",
+                )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON values; an infinite bound becomes None."""
+        data = {f.name: getattr(self, f.name) for f in fields(self)}
+        data["uncertainty"] = self.uncertainty.to_dict()
+        data["noise_bound"] = None if np.isinf(self.noise_bound) else self.noise_bound
+        return data
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Weather:
+        """The inverse of `to_dict`."""
+        known = [f.name for f in fields(cls)]
+        for key in data:
+            if key not in known:
+                raise ScenarioError(
+                    "weather", key, "is no field of it", f"it has {', '.join(known)}"
+                )
+        values = dict(data)
+        if "uncertainty" in values:
+            values["uncertainty"] = Uncertainty.from_dict(values["uncertainty"])
+        if values.get("noise_bound", 0.0) is None:
+            values["noise_bound"] = np.inf
+        return cls(**values)
+
+
+CALM = Weather()
+"""No noise, no gusts, the true vehicle is the nominal one."""
+
+RECORDED = Weather(
+    position_noise=0.010,
+    attitude_noise_deg=1.0,
+    force_disturbance=10.0,
+    moment_disturbance=1.745,
+    gyroscope_noise=0.005,
+    accelerometer_noise=0.05,
+)
+"""The noise and gusts of the runs that the paper's group published: sigma 10 mm and 1 deg; once a
+second, for one sample of 10 ms, a gust of sigma 10 N and 1.745 N m. The parameters are exact. The
+inertial sensors' noise (which their controller did not read) is a small MEMS unit's."""
+
+PAPER = replace(RECORDED, noise_bound=2.5, uncertainty=Uncertainty(share=0.10))
+"""As recorded, with the paper's bound of +-25 mm on the noise (2.5 sigma; its +-3 deg would be 3
+sigma) and its +-10 % on the parameters."""
+
+WEATHERS: dict[str, Weather] = {"calm": CALM, "recorded": RECORDED, "paper": PAPER}
+
+
+def weather(name: str) -> Weather:
+    """The weather of that name: "calm", "recorded" or "paper".
+
+    Raises:
+        UnknownName: There is no such weather.
+    """
+    try:
+        return WEATHERS[name]
+    except KeyError:
+        raise UnknownName("weather", name, WEATHERS) from None
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """One draw of the weather, on the control grid of a flight.
+
+    Attributes:
+        pose_noise: [position (world), attitude (tangent at {A})], shape (N, 6) [m, rad].
+        disturbance: Wrench on the platform at its origin, world axes, shape (N, 6) [N, N m], held
+            over each control period.
+        gyroscope_noise: Shape (N, 3) [rad/s].
+        accelerometer_noise: Shape (N, 3) [m/s^2].
+        parameters: Generator for the draw of the true vehicle.
+    """
+
+    pose_noise: Array
+    disturbance: Array
+    gyroscope_noise: Array
+    accelerometer_noise: Array
+    parameters: np.random.Generator
+
+
+def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
+    """Draw the weather of a flight.
+
+    Args:
+        weather: Its statistics.
+        seed: One number; each kind of randomness gets a stream of its own from it.
+        t: Control grid [s], shape (N,).
+    """
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+    noise, gusts, inertial, parameters = streams
+    N = t.size
+    sigma = np.repeat([weather.position_noise, np.radians(weather.attitude_noise_deg)], 3)
+    pose_noise = noise.standard_normal((N, 6))
+    while (outside := np.abs(pose_noise) > weather.noise_bound).any():
+        pose_noise[outside] = noise.standard_normal(int(outside.sum()))
+    # Gust k lasts from k intervals on; the small shift keeps grid times on their own side.
+    number = np.floor((t + 1e-9) / weather.gust_interval).astype(int)
+    blowing = (number >= 1) & (
+        t + 1e-9 - number * weather.gust_interval < weather.gust_duration - 1e-9
+    )
+    scale = np.repeat([weather.force_disturbance, weather.moment_disturbance], 3)
+    draws = gusts.standard_normal((int(number.max(initial=0)) + 1, 6)) * scale
+    disturbance = np.where(blowing[:, None], draws[number], 0.0)
+    return Forecast(
+        pose_noise=pose_noise * sigma,
+        disturbance=disturbance,
+        gyroscope_noise=inertial.standard_normal((N, 3)) * weather.gyroscope_noise,
+        accelerometer_noise=inertial.standard_normal((N, 3)) * weather.accelerometer_noise,
+        parameters=parameters,
+    )
