@@ -133,7 +133,7 @@ def test_papers_81_unknowns_hold_the_same_vehicle_as_66(fullam):
 
 
 def test_condition_number_is_moderate_and_one_per_state(make_chain):
-    """About 30 with masses and inertias of order one; light links add their scale."""
+    """Fifteen to twenty with masses and inertias of order one; light links add their scale."""
     chain = LinkChain.from_model(make_chain(5, np.random.default_rng(0)), "tool")
     n = chain.n
     of_order_one = LinkChain(
