@@ -9,6 +9,8 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
 """
 
 import fullam.control.dc_pid
+import fullam.control.dc_pid_plus
+import fullam.control.kalman
 import fullam.control.pid
 import fullam.simulation.catalogue  # noqa: F401 - registers the controllers and the scenarios
 from fullam.analysis.metrics import Metrics, measure

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -44,24 +45,59 @@ class Readings:
         self.velocity: Array = np.zeros(6)
 
 
+@dataclass(frozen=True)
+class Datasheet:
+    """What the sensors' makers state: their statistics, not the draw of a flight.
+
+    Attributes:
+        position_noise: Standard deviation of a measured position, each axis [m].
+        attitude_noise: Standard deviation of a measured attitude, each body axis [rad].
+        gyroscope_noise: Standard deviation of a gyroscope sample [rad/s].
+        accelerometer_noise: Standard deviation of an accelerometer sample [m/s^2].
+        delay_periods: Age of a pose when it arrives, in control periods.
+        gravity: [m/s^2], along -z of {W}.
+    """
+
+    position_noise: float = 0.0
+    attitude_noise: float = 0.0
+    gyroscope_noise: float = 0.0
+    accelerometer_noise: float = 0.0
+    delay_periods: int = 0
+    gravity: float = 9.81
+
+
 class Estimator(ABC):
-    """Keeps the best guess of the platform's pose and velocity."""
+    """Keeps the best guess of the platform's pose and velocity.
+
+    Attributes:
+        needs_inertial: Whether it reads the gyroscope and the accelerometer.
+    """
 
     name: ClassVar[str]
+    needs_inertial: ClassVar[bool] = False
 
-    def __init__(self, period: float, pose_period: float, cutoff: float) -> None:
+    def __init__(
+        self,
+        period: float,
+        pose_period: float,
+        cutoff: float,
+        datasheet: Datasheet | None = None,
+    ) -> None:
         """Bind the rates.
 
         Args:
             period: Control period [s].
             pose_period: Time between new poses [s].
             cutoff: Corner frequency of the pose filter [rad/s], for estimators that have one.
+            datasheet: Statistics of the sensors, for estimators that weigh them; exact sensors
+                without delay if None.
         """
         if not cutoff > 0.0:
             raise SettingsError(
                 f"estimator '{self.name}'", "cutoff", f"is {cutoff!r}", "give rad/s, above 0"
             )
         self.period, self.pose_period, self.cutoff = period, pose_period, cutoff
+        self.datasheet = Datasheet() if datasheet is None else datasheet
 
     @abstractmethod
     def reset(self, readings: Readings) -> None:
@@ -135,9 +171,15 @@ class Truth(Estimator):
 class FirstOrder(Estimator):
     """The paper's: a first-order filter on the pose, and its rate as the velocity."""
 
-    def __init__(self, period: float, pose_period: float, cutoff: float) -> None:
+    def __init__(
+        self,
+        period: float,
+        pose_period: float,
+        cutoff: float,
+        datasheet: Datasheet | None = None,
+    ) -> None:
         """Set up the filter at the rate of new poses."""
-        super().__init__(period, pose_period, cutoff)
+        super().__init__(period, pose_period, cutoff, datasheet)
         self._filter = FirstOrderPoseFilter(cutoff, pose_period)
         self._attitude = AttitudeView()
 

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 import fullam.version
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint, controller_class
-from fullam.control.estimator import Estimator, estimator_class
+from fullam.control.estimator import Datasheet, Estimator, estimator_class
 from fullam.dynamics.pose_space import AttitudeView
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
@@ -118,7 +118,9 @@ class FlightPlan:
         anticipation = None
         if getattr(settings, "anticipate", False):
             lag = float(vehicle.rotors.lags.mean()) + 0.5 * period
-            anticipation = Anticipation.of(reference, make_estimator(simulation), lag)
+            anticipation = Anticipation.of(
+                reference, make_estimator(simulation, weather, vehicle.gravity), lag
+            )
             reference = anticipation.reference
         draw = forecast(weather, seed, t)
         true = perturb(vehicle, weather.uncertainty, draw.parameters)
@@ -144,12 +146,20 @@ class FlightPlan:
         return 2 * k * self.simulation.substeps
 
 
-def make_estimator(simulation: SimulationSettings) -> Estimator:
-    """The estimator that the settings name, at their rates."""
+def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:
+    """The estimator that the settings name, at their rates; it knows the noise's statistics."""
     return estimator_class(simulation.estimator)(
         simulation.control_period,
         simulation.pose_period or simulation.control_period,
         simulation.filter_cutoff,
+        Datasheet(
+            position_noise=weather.position_noise,
+            attitude_noise=float(np.radians(weather.attitude_noise_deg)),
+            gyroscope_noise=weather.gyroscope_noise,
+            accelerometer_noise=weather.accelerometer_noise,
+            delay_periods=simulation.delay_periods,
+            gravity=gravity,
+        ),
     )
 
 
@@ -178,7 +188,7 @@ class Flight:
         self.controller: Controller = controller_class(plan.controller)(
             nominal, plan.settings, simulation.control_period, axes
         )
-        self.estimator = make_estimator(simulation)
+        self.estimator = make_estimator(simulation, plan.weather, nominal.gravity)
         self._log = allocate_columns(plan.t.size, nominal.n_arm, nominal.rotors.count)
         self.measurement = Measurement(nominal)
         self.measurement.q[:7] = plan.scenario.initial_pose
@@ -212,7 +222,7 @@ class Flight:
         sensors, estimator, controller = self.sensors, self.estimator, self.controller
         allocator, attitude = self.allocator, self._attitude
         anticipation = plan.anticipation
-        inertial = getattr(estimator, "needs_inertial", False)
+        inertial = estimator.needs_inertial
         reference, arm, substeps = plan.reference, plan.arm, plan.simulation.substeps
         poses, velocities, accelerations = (
             reference.pose,
