@@ -40,7 +40,8 @@ class Response:
     """The part of a run from the last jump of its reference on, in mm and deg.
 
     Attributes:
-        t: Time since the jump [s], shape (N,).
+        start: Time of the jump [s].
+        t: Time since then [s], shape (N,).
         error: [p - p_d, Euler angles minus desired ones], shape (N, 6) [mm, deg].
         rotation: Rotation vector of R R_d^T in world axes, shape (N, 3) [deg].
         step: Jump of the reference, shape (6,) [mm, deg].
@@ -48,6 +49,7 @@ class Response:
         period: Control period [s].
     """
 
+    start: float
     t: Array
     error: Array
     rotation: Array
@@ -65,10 +67,10 @@ class Response:
         error = _wrapped(pose - reference)[start:]
         attitude = Rotation.from_quat(run.pose[start:, 3:])
         desired = Rotation.from_quat(run.reference_pose[start:, 3:])
-        t = run.t[start:] - run.t[start]
         jumped = np.abs(change[start]) > np.repeat(STEP_MINIMUM, 3)
         return cls(
-            t=t,
+            start=float(run.t[start]),
+            t=run.t[start:] - run.t[start],
             error=error,
             rotation=np.degrees((attitude * desired.inv()).as_rotvec()),
             step=np.where(jumped, change[start], 0.0),
