@@ -1,0 +1,96 @@
+"""The command line: each verb is one library call and a table.
+
+A verb is one function, decorated with `fullam.cli.verbs.verb`, in any module of this package;
+modules are found, not listed. Exit codes: 0 well, 1 the flight diverged or a check failed, 2 bad
+usage or input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import pkgutil
+import sys
+from collections.abc import Sequence
+
+from fullam.cli import output
+from fullam.cli.verbs import FAILED, INTERRUPTED, USAGE, VERBS
+
+DESCRIPTION = "Fly, compare and check fully-actuated aerial manipulators."
+
+EPILOG = """examples:
+  fullam list
+  fullam run task-2 --figure task-2.png
+  fullam run position-3 --calm --set compensation=previous_wrench --json
+  fullam compare tilt-hover-2 --controllers dc-pid,pid --seed 7
+  fullam check hextilt
+
+`fullam VERB --help` explains a verb. Exit codes: 0 well, 1 the flight diverged or the check
+failed, 2 bad usage or input, 130 interrupted."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser with every verb of the package."""
+    for module in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{module.name}")
+    parser = argparse.ArgumentParser(
+        "fullam",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    verbs = parser.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
+    for name, verb in sorted(VERBS.items()):
+        sub = verbs.add_parser(name, help=verb.summary, description=verb.description)
+        for flags, options in verb.arguments:
+            sub.add_argument(*flags, **options)
+        sub.set_defaults(execute=verb.execute)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: Arguments after the program's name; those of the process by default.
+
+    Returns:
+        The exit code.
+    """
+    try:
+        arguments = build_parser().parse_args(argv)
+    except SystemExit as end:  # argparse has printed what it had to say
+        return end.code if isinstance(end.code, int) else USAGE
+    from fullam.exceptions import AllocationFailed, FullamError, NonFiniteWrench
+
+    try:
+        code: int = arguments.execute(arguments)
+        sys.stdout.flush()
+        return code
+    except (AllocationFailed, NonFiniteWrench) as error:
+        output.complain(str(error))
+        return FAILED
+    except FullamError as error:
+        output.complain(str(error))
+        return USAGE
+    except BrokenPipeError:  # the reader, `head` say, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:  # a file that cannot be read or written
+        output.complain(str(error))
+        return USAGE
+    except KeyboardInterrupt:
+        output.complain("interrupted")
+        return INTERRUPTED
+
+
+class _Version(argparse.Action):
+    """Prints the version; reading it from the package's metadata waits until it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from fullam.version import __version__
+
+        output.say(f"fullam {__version__}")
+        parser.exit()

@@ -1,0 +1,205 @@
+"""`fullam run` and `fullam compare`."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from fullam.cli import options
+from fullam.cli.output import complain, number, progress, say, say_json, table
+from fullam.cli.verbs import FAILED, OK, argument, verb
+
+if TYPE_CHECKING:
+    from fullam.analysis.metrics import Metrics
+    from fullam.simulation.run import Run
+
+AXIS_ROWS = (
+    ("step", "step", 2),
+    ("settling time, 2 % [s]", "settling_time_s", 2),
+    ("settling time, 5 % [s]", "settling_time_5_s", 2),
+    ("overshoot [% of the step]", "overshoot_percent", 2),
+    ("overshoot [% of the set point]", "overshoot_setpoint_percent", 2),
+    ("steady error", "steady_error", 2),
+    ("RMS error", "rms", 2),
+    ("largest excursion", "max_excursion", 2),
+    ("jitter above 2 Hz", "jitter", 3),
+)
+"""Rows of the table of one flight: text, field of `AxisMetrics`, digits."""
+
+FLIGHT_ROWS = (
+    ("settled", "settled", "", 0),
+    ("diverged", "diverged", "", 0),
+    ("settling time, 2 %", "settling_time_s", "s", 2),
+    ("settling time, 5 %", "settling_time_5_s", "s", 2),
+    ("settling time, 2 %, raw", "settling_time_raw_s", "s", 2),
+    ("overshoot, of the step", "overshoot_percent", "%", 2),
+    ("overshoot, of the step, raw", "overshoot_raw_percent", "%", 2),
+    ("overshoot, of the set point", "overshoot_setpoint_percent", "%", 2),
+    ("RMS position", "rms_position_mm", "mm", 2),
+    ("RMS attitude", "rms_attitude_deg", "deg", 3),
+    ("steady position error", "steady_position_mm", "mm", 2),
+    ("steady attitude error", "steady_attitude_deg", "deg", 3),
+    ("largest excursion, position", "max_excursion_mm", "mm", 2),
+    ("largest excursion, attitude", "max_excursion_deg", "deg", 2),
+    ("jitter above 2 Hz, position", "jitter_position_mm", "mm", 3),
+    ("jitter above 2 Hz, attitude", "jitter_attitude_deg", "deg", 3),
+    ("saturated ticks", "saturated_share", "%", 1),
+    ("thrust sum over weight", "effort", "", 3),
+)
+"""Rows of a table of flights: text, field of `Metrics`, unit, digits."""
+
+SETTINGS = argument(
+    "--set",
+    type=options.setting,
+    action="append",
+    default=[],
+    metavar="KEY=VALUE",
+    help="a setting of the controller, in JSON or TOML; may be repeated",
+)
+
+
+@verb(
+    "run",
+    options.SCENARIO,
+    argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
+    SETTINGS,
+    *options.FLIGHT,
+    argument("--out", type=options.run_path, metavar="FILE", help="save the record (.npz)"),
+    options.FIGURE,
+    options.JSON,
+)
+def run_scenario(arguments: argparse.Namespace) -> int:
+    """Fly a scenario and measure it.
+
+    Prints what the flight was worth, and saves the record and a figure if asked. Two controllers
+    with one seed meet exactly the same weather. Exit code 1 says that the flight diverged.
+    """
+    run, metrics = fly(arguments, arguments.controller, dict(arguments.set))
+    files = {}
+    if arguments.out:
+        files["run"] = str(run.save(arguments.out))
+    if arguments.figure and has_rows(run):
+        from fullam.viz.figures import overview, save_figure
+
+        files["figure"] = str(save_figure(overview(run), arguments.figure))
+    if arguments.json:
+        say_json(identity(run) | metrics.to_dict() | {"files": files})
+    else:
+        say(f"{heading(run)}, {run.controller}\n\n{axes_table(metrics)}\n\n{summary(metrics)}")
+        for kind, path in files.items():
+            say(f"{kind} saved to {path}")
+        if run.diverged:
+            say(f"DIVERGED: {run.metadata['reason']}")
+    return FAILED if run.diverged else OK
+
+
+@verb(
+    "compare",
+    options.SCENARIO,
+    argument(
+        "--controllers",
+        type=options.names,
+        default=["dc-pid", "pid"],
+        metavar="A,B,...",
+        help="separated by commas (default: dc-pid,pid)",
+    ),
+    *options.FLIGHT,
+    options.FIGURE,
+    options.JSON,
+)
+def compare_controllers(arguments: argparse.Namespace) -> int:
+    """Fly a scenario under several controllers, in the same weather, side by side.
+
+    One seed is one weather: noise, gusts and true parameters are the same for all of them. Exit
+    code 1 says that a flight diverged.
+    """
+    flights = [fly(arguments, name, {}) for name in arguments.controllers]
+    runs = [run for run, _ in flights]
+    files = {}
+    if arguments.figure and all(has_rows(run) for run in runs):
+        from fullam.viz.figures import compare, save_figure
+
+        files["figure"] = str(save_figure(compare(runs), arguments.figure))
+    if arguments.json:
+        records = [identity(run) | metrics.to_dict() for run, metrics in flights]
+        say_json({"runs": records, "files": files})
+    else:
+        header = ["", "unit", *arguments.controllers]
+        rows = [
+            [text, unit, *(cell(metrics, field, digits) for _, metrics in flights)]
+            for text, field, unit, digits in FLIGHT_ROWS
+        ]
+        say(f"{heading(runs[0])}\n\n{table(rows, header, left=2)}")
+        for kind, path in files.items():
+            say(f"\n{kind} saved to {path}")
+    return FAILED if any(run.diverged for run in runs) else OK
+
+
+def fly(
+    arguments: argparse.Namespace, controller: str, settings: dict[str, Any]
+) -> tuple[Run, Metrics]:
+    """Simulate and measure one flight, with progress."""
+    from fullam.analysis.metrics import measure
+    from fullam.simulation.simulate import simulate
+
+    keywords = options.flight_arguments(arguments)
+    settings = options.controller_settings(controller, settings)
+    with progress(f"{arguments.scenario}, {controller}") as show:
+        run = simulate(
+            arguments.scenario,
+            controller,
+            settings=settings,
+            progress=show,
+            throw=False,
+            **keywords,
+        )
+    return run, measure(run)
+
+
+def has_rows(run: Run) -> bool:
+    """Whether there is something to draw; says so if not."""
+    if not len(run):
+        complain(f"no figure: {run.controller} ended before its first tick")
+    return len(run) > 0
+
+
+def identity(run: Run) -> dict[str, Any]:
+    """What was flown, for machines."""
+    metadata = run.metadata
+    return {
+        "scenario": metadata["scenario"]["name"],
+        "vehicle": metadata["vehicle"]["definition"]["name"],
+        **{name: metadata[name] for name in ("controller", "settings", "seed")},
+        **{name: metadata[name] for name in ("weather", "simulation", "outcome", "reason")},
+    }
+
+
+def heading(run: Run) -> str:
+    """What was flown, but for the controller, in one line."""
+    from fullam.analysis.captions import weather_caption
+
+    vehicle, scenario = run.metadata["vehicle"]["definition"]["name"], run.scenario
+    return f"{scenario.name}: {scenario.duration:g} s, {vehicle}, {weather_caption(run)}"
+
+
+def axes_table(metrics: Metrics) -> str:
+    """One flight, one column a controlled axis."""
+    header = ["", *(f"{name} [{axis.unit}]" for name, axis in metrics.axes.items())]
+    rows = [
+        [text, *(number(getattr(axis, field), digits) for axis in metrics.axes.values())]
+        for text, field, digits in AXIS_ROWS
+    ]
+    return table(rows, header)
+
+
+def summary(metrics: Metrics) -> str:
+    """One flight as a whole, one figure a line."""
+    rows = [(text, cell(metrics, field, digits), unit) for text, field, unit, digits in FLIGHT_ROWS]
+    width = max(len(value) for _, value, _ in rows)
+    return table([(text, value.rjust(width), unit) for text, value, unit in rows], left=3)
+
+
+def cell(metrics: Metrics, field: str, digits: int) -> str:
+    """A figure of a flight; shares in percent."""
+    value = getattr(metrics, field)
+    return number(100.0 * value if field.endswith("_share") else value, digits)

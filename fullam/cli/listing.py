@@ -1,0 +1,52 @@
+"""`fullam list`."""
+
+from __future__ import annotations
+
+import argparse
+
+from fullam.cli.options import JSON
+from fullam.cli.output import say, say_json, table
+from fullam.cli.verbs import OK, verb
+
+
+def registered() -> dict[str, dict[str, str]]:
+    """Everything with a name: kind to name to one line about it."""
+    import fullam.simulation.simulate  # noqa: F401 - registers scenarios and controllers
+    from fullam.control.controller import controller_class, controller_names
+    from fullam.control.estimator import estimator_class, estimator_names
+    from fullam.model.loading import load_vehicle, vehicle_names
+    from fullam.simulation.scenario import load_scenario, scenario_names
+    from fullam.simulation.weather import WEATHERS
+
+    return {
+        "scenarios": {name: load_scenario(name).description for name in scenario_names()},
+        "vehicles": {name: load_vehicle(name).description for name in vehicle_names()},
+        "controllers": {name: _summary(controller_class(name)) for name in controller_names()},
+        "estimators": {name: _summary(estimator_class(name)) for name in estimator_names()},
+        "weathers": {
+            name: (
+                f"noise {1e3 * w.position_noise:g} mm, {w.attitude_noise_deg:g} deg; "
+                f"gusts {w.force_disturbance:g} N, {w.moment_disturbance:g} N m; "
+                f"parameters +-{100 * w.uncertainty.share:g} %"
+            )
+            for name, w in WEATHERS.items()
+        },
+    }
+
+
+def _summary(thing: object) -> str:
+    return (thing.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+
+@verb("list", JSON)
+def list_names(arguments: argparse.Namespace) -> int:
+    """List scenarios, vehicles, controllers, estimators and weathers."""
+    found = registered()
+    if arguments.json:
+        say_json(found)
+        return OK
+    width = max(len(name) for entries in found.values() for name in entries)
+    for kind, entries in found.items():
+        rows = [(f"  {name.ljust(width)}", text) for name, text in entries.items()]
+        say(f"{kind}\n{table(rows, left=2)}\n")
+    return OK

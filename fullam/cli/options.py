@@ -1,0 +1,140 @@
+"""Arguments that several verbs share, and what they mean to the library."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fullam.cli.verbs import argument
+
+if TYPE_CHECKING:
+    from fullam.simulation.settings import SimulationSettings
+
+FIGURE_FORMATS = (".pdf", ".png", ".svg")
+
+
+def run_path(text: str) -> Path:
+    """A path for a run file, checked before the flight rather than after it."""
+    if Path(text).suffix != ".npz":
+        raise argparse.ArgumentTypeError(f"'{text}' does not end in .npz")
+    return Path(text)
+
+
+def figure_path(text: str) -> Path:
+    """A path for a figure, checked before the flight rather than after it."""
+    if Path(text).suffix.lower() not in FIGURE_FORMATS:
+        raise argparse.ArgumentTypeError(f"'{text}' ends in none of {', '.join(FIGURE_FORMATS)}")
+    return Path(text)
+
+
+def rate(text: str) -> float:
+    """A rate in Hz, above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is no rate in Hz above 0")
+    return value
+
+
+def names(text: str) -> list[str]:
+    """Names separated by commas."""
+    found = [name.strip() for name in text.split(",") if name.strip()]
+    if not found:
+        raise argparse.ArgumentTypeError("no names given; separate them by commas")
+    return found
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """KEY=VALUE with the value in JSON or TOML; a bare word is a string."""
+    key, equals, value = text.partition("=")
+    if not (equals and key.strip()):
+        raise argparse.ArgumentTypeError(f"'{text}' is not KEY=VALUE")
+    return key.strip(), _value(value.strip())
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        pass
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+JSON = argument("--json", action="store_true", help="print JSON, and nothing else, on stdout")
+
+SCENARIO = argument("scenario", metavar="SCENARIO", help="name (see `fullam list`) or TOML file")
+
+FIGURE = argument("--figure", type=figure_path, metavar="FILE", help="draw it (.png, .pdf or .svg)")
+
+FLIGHT = (
+    argument("--seed", type=int, default=0, metavar="N", help="seed of the weather (default: 0)"),
+    argument("--calm", action="store_true", help="no noise, no gusts, exact parameters"),
+    argument("--weather", metavar="NAME", help="another weather than the scenario's"),
+    argument("--vehicle", metavar="V", help="another vehicle than the scenario's: name or TOML"),
+    argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
+    argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
+    argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
+)
+"""How to fly a scenario, whatever the controller."""
+
+
+def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Keywords of `simulate` from the arguments of `FLIGHT`.
+
+    Raises:
+        ScenarioError: Calm and another weather at once, a negative seed, or rates that do not
+            divide each other.
+    """
+    from fullam.exceptions import ScenarioError
+
+    if arguments.calm and arguments.weather:
+        raise ScenarioError("--calm", "weather", "is given as well", "give one of the two")
+    if arguments.seed < 0:
+        raise ScenarioError("--seed", "value", f"is {arguments.seed}", "give 0 or more")
+    return {
+        "seed": arguments.seed,
+        "calm": arguments.calm,
+        "weather": arguments.weather,
+        "vehicle": arguments.vehicle,
+        "simulation": simulation_settings(arguments),
+    }
+
+
+def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
+    """The controller's settings with what was typed after --set.
+
+    Raises:
+        SettingsError: A setting that it does not have, or a value of the wrong kind.
+    """
+    from fullam.control.controller import make_settings
+    from fullam.exceptions import SettingsError
+
+    try:
+        return make_settings(controller, changes)
+    except (TypeError, ValueError) as error:
+        typed = ", ".join(f"{key}={value!r}" for key, value in changes.items())
+        raise SettingsError(
+            f"controller '{controller}'", "--set", f"{typed}: {error}", "give numbers as numbers"
+        ) from error
+
+
+def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
+    """The simulation's settings with the given rates and estimator."""
+    from fullam.simulation.settings import SimulationSettings
+
+    changes: dict[str, Any] = {}
+    if arguments.control_rate:
+        changes["control_period"] = 1.0 / arguments.control_rate
+    if arguments.plant_rate:
+        changes["plant_period"] = 1.0 / arguments.plant_rate
+    if arguments.estimator:
+        changes["estimator"] = arguments.estimator
+    return SimulationSettings(**changes)
