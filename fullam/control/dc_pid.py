@@ -21,6 +21,7 @@ from fullam.control.controller import (
 )
 from fullam.control.pid import PidBase, PidSettings
 from fullam.dynamics.multibody import Multibody
+from fullam.dynamics.paper_model import PaperModel
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 
@@ -37,17 +38,25 @@ class DcPidSettings(PidSettings):
     Attributes:
         compensation: How the algebraic loop of eqs. (20)-(22) is cut. "desired_acceleration" puts
             u_pid in the platform's rows: exact, no loop. "previous_wrench" solves eq. (21) with
-            the wrench applied last (the paper's text): a fixed-point iteration over the periods
-            that contracts by the arm's share of mass and inertia.
+            the wrench at hand, which is the one applied last with its u_pid renewed (the paper's
+            text): a fixed-point iteration over the periods that contracts by the arm's share of
+            mass and inertia. Where that share is near one (hextilt: a heavy arm under a light
+            platform) it settles slower than the flight moves; choose the first there.
+        rounds: Solutions of eq. (21) per period with "previous_wrench"; the paper has one.
         model: What yields f_1, tau_1: "pinocchio" or the paper's own "newton-euler" matrix solve.
     """
 
     compensation: Literal["desired_acceleration", "previous_wrench"] = "desired_acceleration"
     model: Literal["pinocchio", "newton-euler"] = "pinocchio"
+    rounds: int = 3
 
     def __post_init__(self) -> None:
-        """Check the two choices, then the PID's own settings."""
+        """Check the choices, then the PID's own settings."""
         super().__post_init__()
+        if not (isinstance(self.rounds, int) and self.rounds >= 1):
+            raise SettingsError(
+                "DcPidSettings", "rounds", f"is {self.rounds!r}", "give a whole number, 1 or more"
+            )
         for field, known in (("compensation", COMPENSATIONS), ("model", MODELS)):
             if getattr(self, field) not in known:
                 raise SettingsError(
@@ -137,49 +146,74 @@ class DcPid(PidBase):
         super().__init__(vehicle, settings, period, axes)
         self._joint_one = JointOneCompensation(vehicle)
         self._multibody = Multibody(vehicle)
+        self._paper = PaperModel(vehicle) if self.settings.model == "newton-euler" else None
         self._previous = self.settings.compensation == "previous_wrench"
-        self._applied_A: Array | None = None
+        self._at_hand_A: Array | None = None
         self._a_A: Array = np.zeros(6)
         self._u_dc_A: Array = np.zeros(6)
 
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
         """Empty the integrator and forget the wrench applied last."""
         super().reset(measurement, reference)
-        self._applied_A = None
+        self._at_hand_A = None
 
     def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """U of eq. (26), world axes at the origin of {A}; see `Controller.wrench`."""
+        """Wrench u of eq. (26), world axes at the origin of {A}; see `Controller.wrench`."""
         a_W = self.law.acceleration(measurement, reference, self.u_pid)
         R, u, a_A = self.law.rotation, self._wrench, self._a_A
+        platform = self._joint_one.platform
+        if self._at_hand_A is not None:
+            # The wrench applied last, with this period's u_pid in the place of the last one's.
+            self._at_hand_A -= platform @ a_A
         np.dot(a_W.reshape(2, 3), R, out=a_A.reshape(2, 3))
+        inertial_A = platform @ a_A
+        if self._at_hand_A is not None:
+            self._at_hand_A += inertial_A
         u_dc_A = self._compensation(measurement)
-        u_A = self._joint_one.platform @ a_A
-        u_A += u_dc_A
-        np.dot(u_A.reshape(2, 3), R.T, out=u.reshape(2, 3))
+        if self._at_hand_A is not None:
+            for _ in range(self.settings.rounds - 1):
+                np.add(inertial_A, u_dc_A, out=self._at_hand_A)
+                u_dc_A = self._compensation(measurement)
+        inertial_A += u_dc_A
+        np.dot(inertial_A.reshape(2, 3), R.T, out=u.reshape(2, 3))
         np.dot(u_dc_A.reshape(2, 3), R.T, out=self.u_dc.reshape(2, 3))
         if self._bounded:
             self._bound()
         if self._previous:
-            self._applied_A = np.dot(u.reshape(2, 3), R).ravel()
+            self._at_hand_A = np.dot(u.reshape(2, 3), R).ravel()
         return u
 
     def delivered(self, wrench_W: Array) -> None:
         """Anti-windup, and the wrench that "previous_wrench" will solve eq. (21) with."""
         super().delivered(wrench_W)
         if self._previous:
-            self._applied_A = (wrench_W.reshape(2, 3) @ self.law.rotation).ravel()
+            self._at_hand_A = np.dot(wrench_W.reshape(2, 3), self.law.rotation).ravel()
 
     def _compensation(self, m: Measurement) -> Array:
-        """u_dc in {A} axes; the first period has no previous wrench and uses u_pid."""
+        """u_dc in {A} axes; the first period has no wrench at hand and uses u_pid."""
+        if self._paper is not None:
+            return self._paper_compensation(self._paper, m)
         engine = self._joint_one
         engine.q[:] = m.q
-        engine.v[:] = m.v
-        engine.v[:3] = 0.0
+        engine.v[3:] = m.v[3:]
         engine.a[6:] = m.arm_acceleration
-        if self._applied_A is None:
+        if self._at_hand_A is None:
             engine.a[:6] = self._a_A
         else:
             engine.a[:6] = self._multibody.base_acceleration(
-                engine.q, engine.v, m.arm_acceleration, self._applied_A
+                engine.q, engine.v, m.arm_acceleration, self._at_hand_A
             )
         return engine.wrench(self.law.rotation, self._u_dc_A)
+
+    def _paper_compensation(self, paper: PaperModel, m: Measurement) -> Array:
+        """u_dc in {A} axes by the paper's matrix system, eqs. (20)-(25)."""
+        R = self.law.rotation
+        at_hand = self._at_hand_A
+        u_dc_W = paper.compensation(
+            m.q,
+            m.v,
+            m.arm_acceleration,
+            acceleration_W=self.u_pid if at_hand is None else None,
+            wrench_W=None if at_hand is None else (at_hand.reshape(2, 3) @ R.T).ravel(),
+        )
+        return np.dot(u_dc_W.reshape(2, 3), R).ravel()

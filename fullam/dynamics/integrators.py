@@ -20,7 +20,9 @@ from fullam.exceptions import UnknownName
 Array = NDArray[np.float64]
 
 Acceleration = Callable[[int, Array, Array], Array]
-"""(stage, q, v) -> dv/dt, shape (nv,); stage 0, 1, 2 is the start, middle and end of the step."""
+"""(stage, q, v) -> dv/dt, shape (nv,); stage 0, 1, 2 is the start, middle and end of the step.
+
+The array may be a live buffer: a rule that keeps it over another evaluation copies it."""
 
 Step = Callable[[pin.Model, Acceleration, Array, Array, float], None]
 """Advance q and v in place by dt."""
@@ -60,17 +62,17 @@ def rk4(model: pin.Model, acceleration: Acceleration, q: Array, v: Array, dt: fl
 
     The configuration is q (+) u with u(0) = 0 and du/dt = dexp^{-1}_u v, integrated as a vector.
     """
-    a1 = acceleration(0, q, v)
+    a1 = acceleration(0, q, v).copy()
     u1 = v.copy()
 
     v2 = v + (0.5 * dt) * a1
     u = (0.5 * dt) * u1
-    a2 = acceleration(1, pin.integrate(model, q, u), v2)
+    a2 = acceleration(1, pin.integrate(model, q, u), v2).copy()
     u2 = _inverse_right_jacobian(u, v2)
 
     v3 = v + (0.5 * dt) * a2
     u = (0.5 * dt) * u2
-    a3 = acceleration(1, pin.integrate(model, q, u), v3)
+    a3 = acceleration(1, pin.integrate(model, q, u), v3).copy()
     u3 = _inverse_right_jacobian(u, v3)
 
     v4 = v + dt * a3

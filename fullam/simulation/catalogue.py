@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fullam.model.perturbation import Uncertainty
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario, register_scenario
@@ -98,7 +99,8 @@ register_scenario(
     )
 )
 
-# The paper's gusts would throw it: its inertia is a tenth of the paper's vehicle's.
+# Its yaw inertia is 0.003 kg m^2, a fifteenth of the paper's vehicle's: the paper's gusts would
+# throw it, and +-10 % on every rotor's own k_f would turn it with 30 rad/s^2.
 register_scenario(
     Scenario(
         name="hextilt-step",
@@ -106,6 +108,11 @@ register_scenario(
         vehicle="hextilt",
         initial_position=(0.0, 0.0, 2.0),
         reference=Step((1.0, 1.0, 3.0), at=1.0),
-        weather=replace(PAPER, force_disturbance=2.0, moment_disturbance=0.1),
+        weather=replace(
+            PAPER,
+            force_disturbance=2.0,
+            moment_disturbance=0.1,
+            uncertainty=Uncertainty(share=0.02),
+        ),
     )
 )

@@ -86,11 +86,11 @@ class Run:
     """
 
     def __init__(self, columns: dict[str, Array], metadata: dict[str, Any]) -> None:
-        """Own the columns, which become read-only."""
+        """Own the columns, which become read-only; metadata become what JSON makes of them."""
         self.columns = columns
         for array in columns.values():
             array.setflags(write=False)
-        self.metadata = metadata
+        self.metadata: dict[str, Any] = json.loads(json.dumps(metadata))
 
     t: Array
     pose: Array
@@ -236,7 +236,7 @@ class Run:
         if not Path(path).is_file():
             raise RunFileError(where, "file", "does not exist", "give the path of a saved run")
         try:
-            with np.load(path, allow_pickle=False) as archive:
+            with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in archive.files}
         except (zipfile.BadZipFile, ValueError, EOFError, OSError, KeyError) as error:
             raise RunFileError(

@@ -1,0 +1,157 @@
+"""The record: saves, loads, flies again bit for bit, and says what is wrong with a bad file."""
+
+import json
+
+import numpy as np
+import pytest
+
+import fullam
+from fullam.exceptions import Diverged, RunFileError, UnknownName
+from fullam.simulation.run import COLUMNS, Run
+from fullam.simulation.settings import SimulationSettings
+
+
+@pytest.fixture(scope="module")
+def run():
+    scenario = fullam.Scenario(
+        "short",
+        reference=fullam.Step((0.2, 0.1, 1.1), (5.0, 0.0, 0.0)),
+        arm_motion=fullam.SineRate(),
+        initial_arm_deg=(-90.0, 0.0, -45.0, 0.0),
+        duration=1.5,
+    )
+    return fullam.simulate(scenario, seed=5)
+
+
+def same(a, b):
+    return all(np.array_equal(a.columns[name], b.columns[name]) for name in COLUMNS)
+
+
+def test_columns_have_shapes_units_and_are_read_only(run):
+    assert len(run) == 151
+    for name in COLUMNS:
+        assert getattr(run, name).shape[0] == 151
+        assert name in run.units
+    assert run.rotor_speeds.shape[1] == 8
+    assert run.units["u_dc"] == "N, N m"
+    with pytest.raises(ValueError, match="read-only"):
+        run.pose[0, 0] = 1.0
+
+
+def test_saving_and_loading_changes_nothing(run, tmp_path):
+    loaded = Run.load(run.save(tmp_path / "run.npz"))
+    assert same(run, loaded)
+    assert loaded.metadata == run.metadata
+    assert loaded.scenario == run.scenario
+    assert list(tmp_path.iterdir()) == [tmp_path / "run.npz"]
+
+
+def test_a_loaded_run_flies_again_bit_for_bit(run, tmp_path):
+    assert same(run, Run.load(run.save(tmp_path / "run.npz")).refly())
+
+
+def test_columns_agree_with_each_other(run):
+    """Rotor wrench from speeds and true attitude; delivered is command plus residual."""
+    np.testing.assert_allclose(run.t, np.arange(151) * 0.01)
+    in_reach = ~run.saturated
+    np.testing.assert_allclose(run.delivered[in_reach], run.command[in_reach], atol=1e-9)
+    assert np.all(run.rotor_commands >= 0.0)
+    assert np.all(run.rotor_commands <= run.vehicle.rotors.max_speeds * (1 + 1e-12))
+
+
+def test_the_seed_is_the_weather_and_the_controller_does_not_touch_it(run):
+    other = fullam.simulate(run.scenario, "pid", seed=5)
+    np.testing.assert_array_equal(run.disturbance, other.disturbance)
+    assert not same(run, fullam.simulate(run.scenario, seed=6))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_a_truncated_file_is_refused(run, tmp_path, share):
+    path = run.save(tmp_path / "run.npz")
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(RunFileError, match=r"run\.npz.*truncated"):
+        Run.load(path)
+
+
+def test_other_files_are_refused(run, tmp_path):
+    with pytest.raises(RunFileError, match=r"does not exist"):
+        Run.load(tmp_path / "nothing.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(RunFileError, match="metadata"):
+        Run.load(tmp_path / "other.npz")
+    np.savez(tmp_path / "old.npz", metadata=np.array(json.dumps({"format": "fullam-run-0"})))
+    with pytest.raises(RunFileError, match="fullam-run-1"):
+        Run.load(tmp_path / "old.npz")
+    with pytest.raises(RunFileError, match=r"\.npz"):
+        run.save(tmp_path / "run.txt")
+    assert not (tmp_path / "run.txt").exists()
+
+
+def test_a_failed_write_leaves_the_old_file(run, tmp_path, monkeypatch):
+    path = run.save(tmp_path / "run.npz")
+    before = path.read_bytes()
+
+    def half(*args, **kwargs):
+        args[0].write_bytes(b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(np, "savez_compressed", half)
+    with pytest.raises(OSError, match="disk full"):
+        run.save(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_divergence_raises_with_the_partial_run_or_is_a_value():
+    """Gains of zero cannot hold anything against gusts and parameter errors."""
+    scenario = fullam.Scenario("fall", duration=8.0)
+    settings = {"position_gains": (0.0, 0.0, 0.0), "attitude_gains": (0.0, 0.0, 0.0)}
+    with pytest.raises(Diverged, match=r"at t = .* from the reference") as caught:
+        fullam.simulate(scenario, settings=settings)
+    partial = caught.value.run
+    assert 0 < len(partial) < 801
+    value = fullam.simulate(scenario, settings=settings, throw=False)
+    assert value.diverged
+    assert same(value, partial)
+    assert same(value, value.refly())
+
+
+def test_rates_delay_and_estimators_are_settable():
+    scenario = fullam.Scenario("hold", duration=0.5)
+    for simulation in (
+        SimulationSettings(control_period=0.001),
+        SimulationSettings(control_period=0.004, plant_period=0.002, integrator="rk4"),
+        SimulationSettings(pose_period=0.02, delay=0.01, estimator="truth"),
+    ):
+        run = fullam.simulate(scenario, simulation=simulation)
+        assert run.outcome == "completed"
+        assert run.t[1] == pytest.approx(simulation.control_period)
+        assert same(run, run.refly())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"control_period": 0.0015}, "control_period.*whole multiple"),
+        ({"pose_period": 0.015}, "pose_period.*whole multiple"),
+        ({"delay": 0.005}, "delay.*whole multiple"),
+        ({"plant_period": -0.001}, "plant_period"),
+    ],
+)
+def test_rates_that_do_not_divide_are_refused(change, message):
+    with pytest.raises(fullam.FullamError, match=message):
+        SimulationSettings(**change)
+
+
+def test_unknown_names_list_the_known():
+    for change, known in (
+        ({"engine": "warp"}, "reference"),
+        ({"weather": "storm"}, "paper"),
+        ({"vehicle": "balloon"}, "hextilt"),
+        ({"controller": "lqr"}, "dc-pid"),
+    ):
+        with pytest.raises(UnknownName, match=known):
+            fullam.simulate("task-1", **change)
+    with pytest.raises(UnknownName, match="first-order"):
+        SimulationSettings(estimator="oracle")

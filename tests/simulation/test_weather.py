@@ -1,0 +1,68 @@
+"""Weather: statistics as stated, the same for everyone, streams apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fullam.exceptions import ScenarioError, UnknownName
+from fullam.simulation.weather import CALM, PAPER, RECORDED, Weather, forecast, weather
+
+T = np.arange(20_001) * 0.01
+
+
+def test_calm_is_calm():
+    draw = forecast(CALM, 0, T)
+    assert not draw.pose_noise.any()
+    assert not draw.disturbance.any()
+
+
+def test_noise_has_its_sigma_and_keeps_its_bound():
+    """20 000 samples: the standard deviation is known to 0.5 %, four of those are allowed."""
+    recorded = forecast(RECORDED, 1, T).pose_noise
+    np.testing.assert_allclose(recorded[:, :3].std(0), 0.010, rtol=0.02)
+    np.testing.assert_allclose(recorded[:, 3:].std(0), np.radians(1.0), rtol=0.02)
+    bounded = forecast(PAPER, 1, T).pose_noise
+    assert np.abs(bounded[:, :3]).max() <= 0.025
+    assert np.abs(bounded[:, 3:]).max() <= np.radians(2.5)
+    assert np.abs(bounded[:, :3]).max() > 0.024
+
+
+def test_a_gust_a_second_for_one_sample():
+    gusts = forecast(RECORDED, 2, T).disturbance
+    blowing = np.flatnonzero(gusts.any(axis=1))
+    np.testing.assert_array_equal(blowing, np.arange(100, 20_001, 100))
+    # 200 draws: the standard deviation is known to 5 %, four of those are allowed.
+    np.testing.assert_allclose(gusts[blowing, :3].std(0), 10.0, rtol=0.2)
+    np.testing.assert_allclose(gusts[blowing, 3:].std(0), 1.745, rtol=0.2)
+
+
+def test_a_gust_lasts_its_duration_at_any_rate():
+    t = np.arange(3001) * 0.001
+    gusts = forecast(replace(RECORDED, gust_duration=0.02), 2, t).disturbance
+    assert gusts.any(axis=1).sum() == 20 + 20 + 1  # the third has just begun
+    assert np.all(gusts[1000:1020] == gusts[1000])
+
+
+def test_one_seed_one_weather_and_streams_of_their_own():
+    a, b = forecast(PAPER, 7, T), forecast(replace(PAPER, force_disturbance=0.0), 7, T)
+    np.testing.assert_array_equal(a.pose_noise, b.pose_noise)
+    np.testing.assert_array_equal(a.disturbance[:, 3:], b.disturbance[:, 3:])
+    assert a.parameters.random() == b.parameters.random()
+    assert not np.array_equal(a.pose_noise, forecast(PAPER, 8, T).pose_noise)
+
+
+def test_names_and_plain_data():
+    assert weather("paper") is PAPER
+    for value in (CALM, RECORDED, PAPER):
+        assert Weather.from_dict(value.to_dict()) == value
+    with pytest.raises(UnknownName, match="recorded"):
+        weather("storm")
+    with pytest.raises(ScenarioError, match=r"wind.*it has position_noise"):
+        Weather.from_dict({"wind": 3.0})
+
+
+@pytest.mark.parametrize("field", ["position_noise", "gust_interval", "noise_bound"])
+def test_bad_numbers_name_the_field(field):
+    with pytest.raises(ScenarioError, match=field):
+        Weather(**{field: -1.0})
