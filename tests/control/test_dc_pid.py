@@ -94,8 +94,10 @@ def test_previous_wrench_converges_to_the_same_wrench_at_rest(rng):
 
 @pytest.mark.parametrize("compensation", COMPENSATIONS)
 def test_a_whole_flight_is_the_same_on_either_model(compensation):
-    """task-2 in full weather. The two models agree to rounding in each tick, and the closed loop
-    is stable, so the difference stays at rounding.
+    """Task 2 in full weather, to 1e-9.
+
+    The two models agree to rounding in each tick, and the closed loop is stable, so the difference
+    stays at rounding.
     """
     runs = [
         fullam.simulate("task-2", seed=3, settings={"compensation": compensation, "model": model})
