@@ -117,7 +117,7 @@ def settling_time(t: Array, error: Array, band: float, share: float = 1.0) -> fl
     """First time from which |error| stays within the band, or None.
 
     It stays when it is inside for `DWELL` without a break, and for the given share of the rest of
-    the response.
+    the response. A share below 1 is a statistic and needs data: half of the response at least.
 
     Args:
         t: Times from the jump on [s], shape (N,).
@@ -130,7 +130,9 @@ def settling_time(t: Array, error: Array, band: float, share: float = 1.0) -> fl
     share_left = np.cumsum(inside[::-1])[::-1] / left
     # The next row outside, seen from each row; the end of the record cuts a dwell short, too.
     next_outside = np.minimum.accumulate(np.where(inside, t[-1], t)[::-1])[::-1]
-    settled = np.flatnonzero(inside & (share_left >= share) & (next_outside - t >= DWELL - 1e-9))
+    dwells = next_outside - t >= DWELL - 1e-9
+    proven = t <= (0.5 * t[-1] if share < 1.0 else t[-1])
+    settled = np.flatnonzero(inside & dwells & proven & (share_left >= share))
     return float(t[settled[0]]) if settled.size else None
 
 

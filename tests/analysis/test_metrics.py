@@ -329,6 +329,14 @@ def test_settling_needs_an_unbroken_dwell():
     assert settling_time(t, error + 2.0, 1.0) is None
 
 
+def test_share_inside_needs_half_of_the_response_to_show_it():
+    t = grid(20.0)
+    for arrival, settles in ((9.5, True), (10.5, False)):
+        error = np.where(t < arrival, 10.0, 0.0)
+        assert (settling_time(t, error, 1.0, share=0.95) is not None) is settles
+        assert settling_time(t, error, 1.0) == pytest.approx(arrival)
+
+
 def test_json_has_the_promised_names_flat_and_units_in_its_keys(make_run):
     data = measure(make_run(along(0, 1.0 - np.exp(-grid() / 0.4)))).to_dict()
     promised = {
