@@ -64,6 +64,10 @@ class RunFileError(InvalidInput):
     """A run file that is missing, truncated or not a run of this package."""
 
 
+class CampaignError(InvalidInput):
+    """A campaign, its result file or its workers that do not fit together."""
+
+
 class NotFullyActuated(FullamError):
     """Control of more axes was asked for than the rotors can produce.
 

@@ -1,0 +1,169 @@
+"""Campaigns in one process: rows, determinism, resuming. The cluster has its own file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
+
+from fullam.analysis import campaign as campaign_module
+from fullam.analysis.campaign import Campaign, Contender, code_digest, fly_batch, sweep
+from fullam.analysis.campaign_store import SCHEMA, CampaignStore, read_campaign
+from fullam.analysis.metrics import measure
+from fullam.exceptions import CampaignError, FullamError, UnknownName
+from fullam.simulation.scenario import load_scenario
+from fullam.simulation.simulate import simulate
+
+SHORT = replace(load_scenario("position-1"), name="short", duration=0.6)
+
+
+def small(seeds=range(5), **changes):
+    return Campaign(
+        **{"scenarios": (SHORT,), "contenders": ("dc-pid", "pid"), "seeds": tuple(seeds)} | changes
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    path = tmp_path_factory.mktemp("campaign") / "sweep.parquet"
+    return path, sweep(small(traces=True), path)
+
+
+def test_every_cell_is_a_row_in_canonical_order(finished):
+    path, table = finished
+    keys = list(zip(*(table.column(n) for n in ("scenario", "contender", "seed")), strict=True))
+    assert keys == [("short", c, s) for c in ("dc-pid", "pid") for s in range(5)]
+    assert read_campaign(path).rows.equals(table.rows)
+    assert table.rows.schema.names == SCHEMA.names
+    assert not path.with_name(path.name + ".parts").exists()
+
+
+def test_a_row_says_what_measure_says(finished):
+    run = simulate(SHORT, "pid", seed=3)
+    figures = measure(run)
+    table = finished[1]
+    row = {name: table.column(name, contender="pid")[3] for name in SCHEMA.names}
+    assert row["rms_position_mm"] == figures.rms_position_mm
+    assert row["z_max_excursion_mm"] == figures.axes["z"].max_excursion
+    assert np.isnan(row["settling_time_s"]) == (figures.settling_time_s is None)
+    assert row["settled"] == figures.settled
+    trace = table.traces("short", "pid")[3]
+    # float32 keeps 10 m to 1 um.
+    assert np.allclose(trace[:, :3], 1e3 * run.pose[::4, :3], atol=1e-3 * 2)
+
+
+def test_both_contenders_meet_the_same_weather():
+    flights = [simulate(SHORT, name, seed=4) for name in ("pid", "dc-pid")]
+    assert np.array_equal(flights[0].disturbance, flights[1].disturbance)
+
+
+def test_a_stopped_campaign_continues_and_ends_with_the_same_bytes(tmp_path, finished, monkeypatch):
+    monkeypatch.setattr(campaign_module, "BATCH", 3)
+    campaign, out = small(traces=True), tmp_path / "again.parquet"
+    flown = []
+    fly = Campaign.fly
+
+    def stopping(self, key):
+        if len(flown) == 7:
+            raise KeyboardInterrupt
+        flown.append(key)
+        return fly(self, key)
+
+    monkeypatch.setattr(Campaign, "fly", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(campaign, out)
+    assert not out.exists()
+    kept = CampaignStore(out, campaign.identity(), False).keys
+    assert len(kept) == 6  # two whole batches of three
+    # What a kill in the middle of a write leaves.
+    (tmp_path / "again.parquet.parts" / ".half-written.parquet").write_bytes(b"PAR1")
+
+    counted = []
+    monkeypatch.setattr(Campaign, "fly", lambda self, key: counted.append(key) or fly(self, key))
+    told = []
+    sweep(campaign, out, progress=lambda done, total: told.append((done, total)))
+    assert len(counted) == 4
+    assert told[0] == (6, 10)
+    assert told[-1] == (10, 10)
+    assert out.read_bytes() == finished[0].read_bytes()
+
+
+def test_a_finished_campaign_is_not_flown_again_but_extended(tmp_path, monkeypatch):
+    out = tmp_path / "sweep.parquet"
+    sweep(small(range(2)), out)
+    before = out.read_bytes()
+    counted = []
+    fly = Campaign.fly
+    monkeypatch.setattr(Campaign, "fly", lambda self, key: counted.append(key) or fly(self, key))
+    sweep(small(range(2)), out)
+    assert not counted
+    assert out.read_bytes() == before
+    sweep(small(range(3)), out)
+    assert sorted(counted) == [("short", "dc-pid", 2), ("short", "pid", 2)]
+    fresh = tmp_path / "fresh.parquet"
+    sweep(small(range(3)), fresh)
+    assert out.read_bytes() == fresh.read_bytes()
+
+
+def test_a_diverged_and_a_failed_flight_are_rows(tmp_path, monkeypatch):
+    hopeless = replace(SHORT, name="hopeless", initial_euler_deg=(179.0, 0.0, 0.0), duration=2.0)
+    table = sweep(small([0], scenarios=(hopeless,)), tmp_path / "a.parquet")
+    assert set(table.column("outcome")) == {"diverged"}
+    assert "deg from the reference" in table.column("reason")[0]
+    assert not table.column("settled").any()
+
+    def breaks(*args, **kwargs):
+        raise FullamError("the allocation found nothing")
+
+    monkeypatch.setattr(campaign_module, "simulate", breaks)
+    table = sweep(small([0]), tmp_path / "b.parquet")
+    assert list(table.column("outcome")) == ["failed", "failed"]
+    assert np.isnan(table.column("rms_position_mm")).all()
+
+
+def test_a_file_of_other_conditions_is_refused_unless_overwritten(tmp_path):
+    out = tmp_path / "sweep.parquet"
+    sweep(small([0]), out)
+    other = small([0], weather="calm")
+    with pytest.raises(CampaignError, match="weather differ"):
+        sweep(other, out)
+    assert sweep(other, out, overwrite=True).identity["weather"]["position_noise"] == 0.0
+    with pytest.raises(CampaignError, match="parquet"):
+        sweep(other, tmp_path / "sweep.csv")
+
+
+def test_a_file_that_is_no_result_is_named(tmp_path):
+    broken = tmp_path / "broken.parquet"
+    broken.write_bytes(b"PAR1 and no more")
+    with pytest.raises(CampaignError, match="cannot be read"):
+        read_campaign(broken)
+    with pytest.raises(CampaignError, match="does not exist"):
+        read_campaign(tmp_path / "none.parquet")
+
+
+def test_mistakes_are_found_before_anything_flies():
+    with pytest.raises(UnknownName):
+        small(contenders=("dc-pidd",))
+    with pytest.raises(UnknownName):
+        small(contenders=("dc-pid@kalmann",))
+    with pytest.raises(CampaignError, match="seeds"):
+        small(seeds=())
+    with pytest.raises(CampaignError, match="contenders"):
+        small(contenders=("pid", Contender("pid")))
+    with pytest.raises(UnknownName):
+        small(weather="stormy")
+
+
+def test_an_estimator_of_its_own_shows_in_the_row(tmp_path):
+    campaign = small([0], contenders=("dc-pid@truth", "dc-pid"))
+    table = sweep(campaign, tmp_path / "sweep.parquet")
+    assert list(table.column("estimator")) == ["truth", "first-order"]
+    assert list(table.column("contender")) == ["dc-pid@truth", "dc-pid"]
+
+
+def test_a_worker_with_other_code_is_refused():
+    campaign = small([0])
+    assert len(fly_batch(campaign, campaign.keys[:1], code_digest())) == 1
+    with pytest.raises(CampaignError, match="one version"):
+        fly_batch(campaign, campaign.keys[:1], "0" * 16)
