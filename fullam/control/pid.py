@@ -61,7 +61,7 @@ class PidSettings:
     """
 
     position_gains: tuple[float, float, float] = (9.6, 3.0, 6.0)
-    attitude_gains: tuple[float, float, float] = (30.0, 8.0, 10.0)
+    attitude_gains: tuple[float, float, float] = (40.0, 20.0, 11.0)
     anti_windup: float = 5.0
     integral_limits: tuple[float, float] = (4.0, 20.0)
     wrench_bounds: tuple[float, float, float, float, float, float] | None = None
