@@ -1,12 +1,14 @@
 """Every equation has a home whose docstring names it, and a test that exists."""
 
 import ast
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 from fullam import paper
+from fullam.cli import main
 from fullam.exceptions import UnknownName
 
 ROOT = Path(__file__).parents[1]
@@ -73,3 +75,18 @@ def test_symbols_are_listed_once():
 def test_unknown_equation_is_refused():
     with pytest.raises(UnknownName, match="36"):
         paper.equation(36)
+
+
+def test_the_command_line_shows_the_paper(capsys):
+    assert main(["equations"]) == 0
+    out = capsys.readouterr().out
+    assert all(f"({n})" in out for n in range(1, 36))
+    assert main(["equations", "20"]) == 0
+    out = capsys.readouterr().out
+    assert "printed in (20), force row: G_A - f_1" in out
+    assert "fullam.dynamics.matrix_system.compensation" in out
+    assert "tests/" in out
+    assert main(["equations", "36"]) == 2
+    assert "unknown equation '36'" in capsys.readouterr().err
+    assert main(["equations", "34", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["number"] == 34

@@ -167,7 +167,8 @@ def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
 
     Raises:
         UnknownName: No such controller.
-        SettingsError: A setting that the controller does not have; the message lists its own.
+        SettingsError: A setting that the controller does not have (the message lists its own), or
+            one of the wrong type.
     """
     cls = controller_class(name)
     known = [f.name for f in fields(cls.Settings)]
@@ -176,7 +177,15 @@ def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
             raise SettingsError(
                 f"controller '{name}'", key, "is no setting of it", f"it has {', '.join(known)}"
             )
-    return cls.Settings(**(changes or {}))
+    try:
+        return cls.Settings(**(changes or {}))
+    except (TypeError, ValueError) as error:
+        raise SettingsError(
+            f"controller '{name}'",
+            "a setting",
+            f"is of the wrong type ({error})",
+            f"see the defaults, {cls.Settings()}",
+        ) from error
 
 
 def make_controller(

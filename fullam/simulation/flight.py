@@ -115,6 +115,14 @@ class FlightPlan:
             getattr(settings, "max_acceleration", None),
             getattr(settings, "max_angular_acceleration", None),
         )
+        gap = float(np.linalg.norm(reference.pose[0, :3] - scenario.initial_pose[:3]))
+        if gap > simulation.max_position_error:
+            raise ScenarioError(
+                f"scenario '{scenario.name}'",
+                "reference",
+                f"starts {gap:g} m from the vehicle, beyond the bound of divergence",
+                "raise max_position_error, or let the controller blend (max_acceleration)",
+            )
         anticipation = None
         if getattr(settings, "anticipate", False):
             lag = float(vehicle.rotors.lags.mean()) + 0.5 * period

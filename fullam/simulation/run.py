@@ -88,8 +88,9 @@ class Run:
     def __init__(self, columns: dict[str, Array], metadata: dict[str, Any]) -> None:
         """Own the columns, which become read-only; metadata become what JSON makes of them."""
         self.columns = columns
-        for array in columns.values():
+        for name, array in columns.items():
             array.setflags(write=False)
+            setattr(self, name, array)
         self.metadata: dict[str, Any] = json.loads(json.dumps(metadata))
 
     t: Array
@@ -110,13 +111,6 @@ class Run:
     rotor_speeds: Array
     rotor_wrench: Array
     disturbance: Array
-
-    def __getattr__(self, name: str) -> Array:
-        """A column by its name."""
-        columns = self.__dict__.get("columns", {})
-        if name in columns:
-            return columns[name]
-        raise AttributeError(f"a run has no '{name}'; its columns are {', '.join(COLUMNS)}")
 
     def __len__(self) -> int:
         """Number of controller ticks."""

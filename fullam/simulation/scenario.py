@@ -119,7 +119,19 @@ class Scenario:
                 )
         if "name" not in data:
             raise ScenarioError("scenario", "name", "is missing", "give it a name")
-        values = dict(data)
+        try:
+            return cls(**cls._values(dict(data)))
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ScenarioError(
+                f"scenario '{name}'",
+                "a value",
+                f"is of the wrong type ({error})",
+                "give numbers where numbers belong, and tables for reference, arm motion, weather",
+            ) from error
+
+    @staticmethod
+    def _values(values: dict[str, Any]) -> dict[str, Any]:
+        """The fields with their tables turned into objects."""
         if "reference" in values:
             values["reference"] = references.from_dict(
                 references.KINDS, "reference", values["reference"]
@@ -132,7 +144,7 @@ class Scenario:
             values["weather"] = named_weather(values["weather"])
         elif "weather" in values:
             values["weather"] = Weather.from_dict(values["weather"])
-        return cls(**values)
+        return values
 
 
 _REGISTRY: dict[str, Scenario] = {}

@@ -128,6 +128,8 @@ def test_wrong_settings_name_the_field_and_the_choices():
         make_settings("dc-pid", {"compensation": "none"})
     with pytest.raises(SettingsError, match=r"no setting of it.*position_gains"):
         make_settings("dc-pid", {"position_gain": 1.0})
+    with pytest.raises(SettingsError, match=r"wrong type"):
+        make_settings("dc-pid", {"anti_windup": "much"})
     with pytest.raises(SettingsError, match="attitude_gains"):
         make_settings("pid", {"attitude_gains": (1.0, float("nan"), 2.0)})
     with pytest.raises(UnknownName, match=r"Did you mean 'dc-pid'"):

@@ -70,6 +70,10 @@ def test_a_scenario_of_ones_own_in_three_lines():
         ("name = 'x'\nspeed = 3", r"x\.toml.*speed.*it has name"),
         ("reference = {kind='step', position=[0,0,1]}", r"x\.toml.*name.*missing"),
         ("name = 'x'\nduration = -1", r"x\.toml.*duration"),
+        ("name = 'x'\nduration = 'long'", r"x\.toml.*wrong type"),
+        ("name = 'x'\nweather = 5", r"x\.toml.*wrong type"),
+        ("name = 'x'\naxes = 3", r"x\.toml.*wrong type"),
+        ("name = 'x'\nreference = {kind='step', position='up'}", r"x\.toml.*wrong type"),
         ("name = 'x'\naxes = ['z', 'q']", r"x\.toml.*axes.*phi"),
         ("name = 'x'\nreference = {kind='step', position=[0, nan, 1]}", r"x\.toml.*position"),
         ("name = ", r"x\.toml.*TOML"),
@@ -119,3 +123,9 @@ def test_a_sine_rate_integrates_to_its_angle():
     np.testing.assert_allclose(
         np.gradient(table.dtheta[:, 0], t)[1:-1], table.ddtheta[1:-1, 0], atol=1e-6
     )
+
+
+def test_a_reference_that_starts_beyond_the_bound_of_divergence_is_refused():
+    scenario = fullam.Scenario("far", reference=fullam.Step((9.0, 0.0, 1.0)))
+    with pytest.raises(ScenarioError, match=r"starts 9 m from the vehicle.*max_position_error"):
+        fullam.simulate(scenario, settings={"max_acceleration": None})
