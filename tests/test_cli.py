@@ -176,14 +176,13 @@ def test_diverged_flight_exits_1_and_still_reports(fullam, scenario):
     assert fullam("compare", path)[0] == FAILED
 
 
-def test_flight_that_ends_before_its_first_tick_is_reported(fullam, scenario, tmp_path):
+def test_flight_that_would_end_before_its_first_tick_is_refused(fullam, scenario, tmp_path):
     figure = tmp_path / "figure.png"
     code, out, err = fullam(
         *("run", scenario(FAR), "--set", "max_acceleration=null", "--json", "--figure", figure)
     )
-    assert code == FAILED
-    assert json.loads(out)["rms_position_mm"] is None
-    assert "no figure" in err
+    assert (code, out) == (USAGE, "")
+    assert "max_position_error" in err
     assert not figure.exists()
 
 
