@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import fullam
+from fullam.analysis.cluster import open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import coordinates
 from fullam.control.controller import make_settings
@@ -264,7 +265,8 @@ def sweep(
         The rows asked for, in canonical order.
 
     Raises:
-        CampaignError: `out` holds another campaign; a worker runs other code, or keeps dying.
+        CampaignError: `out` holds another campaign; jobs below 1; a worker runs other code, or
+            keeps dying.
         MissingDependency: pyarrow, or for more than one job distributed, is not installed.
     """
     from fullam.analysis.campaign_store import CampaignStore
@@ -291,15 +293,10 @@ def _flown(
     batches = [pending[i : i + BATCH] for i in range(0, len(pending), BATCH)]
     if not batches:
         return
-    if jobs < 1:
-        raise CampaignError("campaign", "jobs", f"is {jobs}", "give 1 or more")
     fly = functools.partial(fly_batch, campaign, code=code_digest())
-    if jobs == 1 and scheduler is None:
-        yield from map(fly, batches)
-        return
-    from fullam.analysis.cluster import map_unordered
-
-    yield from map_unordered(fly, batches, jobs, scheduler)
+    with open_workers(jobs, scheduler) as workers:
+        for _, rows in workers.map_unordered(fly, batches):
+            yield rows
 
 
 @functools.lru_cache(maxsize=8)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import Any, TypeVar
 
 from fullam.exceptions import CampaignError, MissingDependency
@@ -16,31 +16,77 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def map_unordered(
-    work: Callable[[Item], Result], items: list[Item], jobs: int, scheduler: str | None = None
-) -> Iterator[Result]:
-    """Results of `work` on every item, as they come; an item whose worker dies is done again.
+class Workers:
+    """Where work is done: this process, or a cluster's; see `open_workers`."""
+
+    def __init__(self, client: Any = None) -> None:
+        """Take a connected client; None works in this process."""
+        self._client = client
+
+    def map_unordered(
+        self, work: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[int, Result]]:
+        """(index, result) of `work` on every item, as they come.
+
+        An item whose worker dies is done again by another.
+
+        Args:
+            work: A function that can be pickled and gives the same result every time.
+            items: Its arguments.
+
+        Raises:
+            CampaignError: One item killed four workers.
+        """
+        if self._client is None:
+            yield from ((i, work(item)) for i, item in enumerate(items))
+            return
+        import distributed
+
+        futures = self._client.map(work, items, pure=False)
+        index = {future.key: i for i, future in enumerate(futures)}
+        try:
+            for future in distributed.as_completed(futures, loop=self._client.loop):
+                yield index[future.key], future.result()
+                future.release()
+        except distributed.KilledWorker as error:
+            raise CampaignError(
+                "campaign", "worker", f"one task killed several ({error})", "fly it with one job"
+            ) from error
+
+    def map(self, work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+        """Results of `work` on every item, in the items' order."""
+        found = dict(self.map_unordered(work, items))
+        return [found[i] for i in range(len(items))]
+
+
+@contextmanager
+def open_workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Workers]:
+    """Workers for the length of a `with` block.
 
     A local cluster has `jobs` processes of one thread each (BLAS and OpenMP too), listens on the
     loopback only, without a dashboard, and ends with this process even if that is killed.
 
     Args:
-        work: A function that can be pickled and gives the same result every time.
-        items: Its arguments.
-        jobs: Processes of the local cluster.
-        scheduler: Address of a running scheduler, instead of a local cluster.
+        jobs: Processes of the local cluster; 1 works in this process and needs no cluster.
+        scheduler: Address of a running dask scheduler, instead of a local cluster.
 
     Raises:
         MissingDependency: distributed is not installed.
-        CampaignError: No scheduler answers, or one item killed four workers.
+        CampaignError: Fewer than one job, or no scheduler answers.
     """
+    if jobs < 1:
+        raise CampaignError("campaign", "jobs", f"is {jobs}", "give 1 or more")
+    if jobs == 1 and scheduler is None:
+        yield Workers()
+        return
     try:
         import distributed
     except ImportError as error:
         raise MissingDependency("more than one job", "distributed", "campaign") from error
     with ExitStack() as stack:
+        address: Any = scheduler
         if scheduler is None:
-            cluster = stack.enter_context(
+            address = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=jobs,
                     threads_per_worker=1,
@@ -50,7 +96,6 @@ def map_unordered(
                     silence_logs=logging.CRITICAL,
                 )
             )
-        address: Any = cluster if scheduler is None else scheduler
         try:
             client = stack.enter_context(
                 distributed.Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
@@ -59,12 +104,4 @@ def map_unordered(
             raise CampaignError(
                 str(scheduler), "scheduler", f"does not answer ({error})", "start it first"
             ) from error
-        futures = client.map(work, items, pure=False)
-        try:
-            for future in distributed.as_completed(futures, loop=client.loop):
-                yield future.result()
-                future.release()
-        except distributed.KilledWorker as error:
-            raise CampaignError(
-                "campaign", "worker", f"one task killed several ({error})", "fly it with one job"
-            ) from error
+        yield Workers(client)

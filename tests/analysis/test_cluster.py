@@ -89,8 +89,11 @@ def test_killed_outright_and_started_again_it_ends_with_the_same_file(tmp_path, 
 
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
     monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT", 1.0)
-    with pytest.raises(CampaignError, match="does not answer"):
-        list(cluster_module.map_unordered(abs, [1], 1, "tcp://127.0.0.1:9"))
+    with (
+        pytest.raises(CampaignError, match="does not answer"),
+        cluster_module.open_workers(1, "tcp://127.0.0.1:9"),
+    ):
+        pass
 
 
 def test_the_flights_do_not_depend_on_the_folder_they_run_in(tmp_path, one_job, monkeypatch):
