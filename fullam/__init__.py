@@ -8,6 +8,8 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
     print(fullam.measure(run))
 """
 
+import fullam.control.backstepping
+import fullam.control.computed_wrench
 import fullam.control.dc_pid
 import fullam.control.dc_pid_plus
 import fullam.control.kalman

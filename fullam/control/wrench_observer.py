@@ -50,7 +50,8 @@ class WrenchObserver:
         """
         self._model, self._data = vehicle.model, vehicle.create_data()
         self._T = period
-        self._gain = np.repeat(1.0 - np.exp(-np.asarray(rates, dtype=float) * period), 3)
+        self._rates = np.repeat(np.asarray(rates, dtype=float), 3)
+        self._gain: Array = 1.0 - np.exp(-self._rates * period)
         self._decay = float(np.exp(-period / lag)) if lag > 0.0 else 0.0
         self._mean = lag / period * (1.0 - self._decay)
         self._weight = np.array([0.0, 0.0, -vehicle.mass * vehicle.gravity])
@@ -96,9 +97,17 @@ class WrenchObserver:
         out[3:] += lever @ d[:3]
         return out
 
+    def slow_down(self, factors: Array) -> None:
+        """Run with K times these factors, shape (6,)."""
+        np.negative(np.expm1(-self._rates * factors * self._T), out=self._gain)
+
     def applied(self, wrench_W: Array) -> None:
         """The wrench asked from the rotors for the period that begins, shape (6,), world axes."""
         np.dot(wrench_W.reshape(2, 3), self._R, out=self._command_A)
+
+    def actual(self) -> Array:
+        """What the rotors give now, by their lag; world axes at the origin of {A}, shape (6,)."""
+        return np.dot(self._actual_A, self._R.T).ravel()
 
     def _momentum(self, m: Measurement, out: Array) -> Array:
         """Write the momentum about the centre of mass; returns c, both in world axes."""
