@@ -1,0 +1,58 @@
+"""Anticipation takes known lags off a commanded motion, and leaves the rest alone."""
+
+import numpy as np
+import pytest
+
+import fullam
+from fullam.control.controller import Measurement
+from fullam.control.estimator import estimator_class
+from fullam.dynamics.pose_space import pose_from_euler
+from fullam.model.loading import load_vehicle
+from fullam.simulation.anticipation import Anticipation
+from fullam.simulation.references import Step, blend_jumps, tabulate
+
+T = np.arange(301) * 0.01
+START = pose_from_euler(np.zeros(3), np.zeros(3))
+
+
+@pytest.fixture
+def table():
+    step = tabulate(Step((1.0, 0.5, -0.2), (15.0, -10.0, 5.0)), T, START)
+    return blend_jumps(step, START, 2.6, 8.0)
+
+
+def test_the_estimate_of_a_vehicle_on_the_reference_becomes_the_reference(table):
+    """The filter sees the reference late; advanced, it stands on it. Rounding of two maps."""
+    estimator = estimator_class("first-order")(0.01, 0.01, 18.0)
+    anticipation = Anticipation.of(table, estimator, 0.035)
+    seen, rates = estimator.as_seen(table.pose, table.velocity)
+    m = Measurement(load_vehicle("fullam"))
+    for k in range(0, 301, 10):
+        R = fullam.dynamics.pose_space.AttitudeView().look(seen[k]).copy()
+        m.q[:7] = seen[k]
+        m.v[:6] = (rates[k].reshape(2, 3) @ R).ravel()
+        anticipation.advance(k, m)
+        np.testing.assert_allclose(m.q[:3], table.pose[k, :3], atol=1e-12)
+        assert abs(m.q[3:7] @ table.pose[k, 3:]) == pytest.approx(1.0, abs=1e-12)
+        R = fullam.dynamics.pose_space.AttitudeView().look(m.q[:7])
+        world = (m.v[:6].reshape(2, 3) @ R.T).ravel()
+        np.testing.assert_allclose(world, table.velocity[k], atol=1e-9)
+
+
+def test_an_estimator_without_lag_is_left_alone(table):
+    anticipation = Anticipation.of(table, estimator_class("truth")(0.01, 0.01, 18.0), 0.0)
+    assert not any(anticipation.moving)
+    np.testing.assert_array_equal(anticipation.reference.acceleration, table.acceleration)
+
+
+def test_a_reference_at_rest_needs_nothing():
+    table = tabulate(Step((0.0, 0.0, 0.0)), T, START)
+    estimator = estimator_class("first-order")(0.01, 0.01, 18.0)
+    assert not any(Anticipation.of(table, estimator, 0.035).moving)
+
+
+def test_it_is_what_keeps_the_step_from_overshooting():
+    scenario = fullam.load_scenario("position-1")
+    with_it = fullam.measure(fullam.simulate(scenario, calm=True))
+    without = fullam.measure(fullam.simulate(scenario, calm=True, settings={"anticipate": False}))
+    assert with_it.overshoot_percent < 0.5 < without.overshoot_percent
