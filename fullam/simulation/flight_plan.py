@@ -1,0 +1,192 @@
+"""All that a flight is made of, fixed before it starts.
+
+Everything that can be known before take-off is tabulated before take-off (reference, arm motion,
+weather), so that the loop only reads rows and every engine starts from the same tables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from fullam.control.allocation import Allocator
+from fullam.control.estimator import Datasheet, Estimator, estimator_class
+from fullam.exceptions import ScenarioError
+from fullam.model.perturbation import perturb
+from fullam.model.vehicle import Vehicle
+from fullam.simulation.anticipation import Anticipation
+from fullam.simulation.arm_motion import ArmTable
+from fullam.simulation.references import ReferenceTable, blend_jumps, tabulate
+from fullam.simulation.scenario import Scenario
+from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.weather import Forecast, Weather, forecast
+
+Array = NDArray[np.float64]
+
+DIVERGENCE_PERIOD = 0.01
+"""Time between looks at the bounds of sense [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlightPlan:
+    """All that a flight is made of, fixed before it starts.
+
+    Attributes:
+        scenario: The experiment.
+        nominal: The vehicle as the controller knows it.
+        true: The vehicle that flies.
+        controller: Name of the controller.
+        settings: Its settings.
+        simulation: Rates, integrator and sensors.
+        weather: Statistics of what spoils the flight.
+        seed: Seed of the draw.
+        t: Control grid [s], shape (N,).
+        asked: The scenario's reference on the grid.
+        reference: What the controller is fed: `asked` with its jumps blended.
+        anticipation: Known lags of the commanded motion; None if the controller wants none.
+        arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
+        forecast: The draw of the weather.
+    """
+
+    scenario: Scenario
+    nominal: Vehicle
+    true: Vehicle
+    controller: str
+    settings: Any
+    simulation: SimulationSettings
+    weather: Weather
+    seed: int
+    t: Array
+    asked: ReferenceTable
+    reference: ReferenceTable
+    anticipation: Anticipation | None
+    arm: ArmTable
+    forecast: Forecast
+
+    @classmethod
+    def prepare(
+        cls,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        controller: str,
+        settings: Any,
+        simulation: SimulationSettings,
+        weather: Weather,
+        seed: int,
+    ) -> FlightPlan:
+        """Tabulate reference and arm, draw the weather and the true vehicle.
+
+        Raises:
+            ScenarioError: The arm angles do not fit the vehicle, or the reference is not finite.
+            NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
+        """
+        vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        period = simulation.control_period
+        rows = round(scenario.duration / period) + 1
+        t = np.arange(rows, dtype=np.float64) * period
+        angles = np.array(scenario.initial_arm_deg or (0.0,) * vehicle.n_arm, dtype=np.float64)
+        angles *= np.pi / 180.0
+        if angles.shape != (vehicle.n_arm,):
+            raise ScenarioError(
+                f"scenario '{scenario.name}'",
+                "initial_arm_deg",
+                f"has {angles.size} angles",
+                f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints",
+            )
+        half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
+        arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
+        asked = tabulate(scenario.reference, t, scenario.initial_pose)
+        reference = blend_jumps(
+            asked,
+            scenario.initial_pose,
+            getattr(settings, "max_acceleration", None),
+            getattr(settings, "max_angular_acceleration", None),
+        )
+        gap = float(np.linalg.norm(reference.pose[0, :3] - scenario.initial_pose[:3]))
+        if gap > simulation.max_position_error:
+            raise ScenarioError(
+                f"scenario '{scenario.name}'",
+                "reference",
+                f"starts {gap:g} m from the vehicle, beyond the bound of divergence",
+                "raise max_position_error, or let the controller blend (max_acceleration)",
+            )
+        anticipation = None
+        if getattr(settings, "anticipate", False):
+            # A law may lead the rotors, which then seem quicker to it.
+            speedup = getattr(settings, "actuation_speedup", 1.0)
+            lag = float(vehicle.rotors.lags.mean()) / speedup + 0.5 * period
+            anticipation = Anticipation.of(
+                reference, make_estimator(simulation, weather, vehicle.gravity), lag
+            )
+            reference = anticipation.reference
+        draw = forecast(weather, seed, t)
+        true = perturb(vehicle, weather.uncertainty, draw.parameters)
+        return cls(
+            scenario,
+            vehicle,
+            true,
+            controller,
+            settings,
+            simulation,
+            weather,
+            seed,
+            t,
+            asked,
+            reference,
+            anticipation,
+            arm,
+            draw,
+        )
+
+    def arm_row(self, k: int) -> int:
+        """Row of the arm table that belongs to control period k."""
+        return 2 * k * self.simulation.substeps
+
+
+def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:
+    """The estimator that the settings name, at their rates; it knows the noise's statistics."""
+    return estimator_class(simulation.estimator)(
+        simulation.control_period,
+        simulation.pose_period or simulation.control_period,
+        simulation.filter_cutoff,
+        Datasheet(
+            position_noise=weather.position_noise,
+            attitude_noise=float(np.radians(weather.attitude_noise_deg)),
+            gyroscope_noise=weather.gyroscope_noise,
+            accelerometer_noise=weather.accelerometer_noise,
+            delay_periods=simulation.delay_periods,
+            gravity=gravity,
+        ),
+    )
+
+
+def hover_speeds(plan: FlightPlan, allocator: Allocator) -> Array:
+    """Speeds that carry the nominal vehicle where it starts, so no flight begins in a fall."""
+    model, q = plan.nominal.model, plan.nominal.neutral(plan.arm.theta[0])
+    q[:7] = plan.scenario.initial_pose
+    weight_A = pin.computeGeneralizedGravity(model, model.createData(), q)[:6]
+    speeds = allocator.solve(weight_A).speeds
+    allocator.reset()
+    return speeds
+
+
+def divergence(plan: FlightPlan, k: int, pose: Array) -> str | None:
+    """How a true pose, shape (7,), is out of the bounds around row k of the reference (NaN is).
+
+    None if it is within them.
+    """
+    target, settings, mask = plan.reference.pose[k], plan.simulation, plan.scenario.axes_mask
+    distance = float(np.linalg.norm((pose[:3] - target[:3])[list(mask[:3])]))
+    cosine = min(1.0, abs(float(pose[3:] @ target[3:])))
+    angle = 2.0 * np.degrees(np.arccos(cosine))
+    if distance <= settings.max_position_error and angle <= settings.max_attitude_error_deg:
+        return None
+    return (
+        f"at t = {plan.t[k]:.3f} s the platform is {distance:.3g} m and {angle:.3g} deg "
+        f"from the reference (bounds: {settings.max_position_error:g} m, "
+        f"{settings.max_attitude_error_deg:g} deg)"
+    )
