@@ -37,6 +37,10 @@ from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
+from fullam.viz.viewer import explore, view
+
+# The record knows nothing of pictures: what one sees imports what happens, not the reverse.
+Run.view = view  # type: ignore[attr-defined]
 
 __all__ = [
     "Allocation",
@@ -60,6 +64,7 @@ __all__ = [
     "controller_names",
     "design_vehicle",
     "estimator_names",
+    "explore",
     "load_scenario",
     "load_vehicle",
     "make_controller",
@@ -69,5 +74,6 @@ __all__ = [
     "scenario_names",
     "simulate",
     "vehicle_names",
+    "view",
     "weather",
 ]

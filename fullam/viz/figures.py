@@ -41,8 +41,8 @@ def figure_pose(run: Run) -> Figure:
     """Position against its reference, and the error."""
     figure = style.new_figure(style.HALF_COLUMN, 4.6, caption(run))
     grid = style.stack(figure, 4)[:, 0]
-    _draw_coordinates(grid[:3], run, range(3))
-    _draw_error(grid[3], run, range(3), "error [mm]")
+    draw_coordinates(grid[:3], run, range(3))
+    draw_error(grid[3], run, range(3), "error [mm]")
     return figure
 
 
@@ -50,15 +50,15 @@ def figure_attitude(run: Run) -> Figure:
     """Euler angles against their reference, and the error."""
     figure = style.new_figure(style.HALF_COLUMN, 4.6, caption(run))
     grid = style.stack(figure, 4)[:, 0]
-    _draw_coordinates(grid[:3], run, range(3, 6))
-    _draw_error(grid[3], run, range(3, 6), "error [deg]")
+    draw_coordinates(grid[:3], run, range(3, 6))
+    draw_error(grid[3], run, range(3, 6), "error [deg]")
     return figure
 
 
 def figure_rotors(run: Run) -> Figure:
     """Rotor speeds between their bounds."""
     figure = style.new_figure(style.HALF_COLUMN, 2.6, caption(run))
-    _draw_rotors(style.stack(figure, 1)[0, 0], run)
+    draw_rotors(style.stack(figure, 1)[0, 0], run)
     return figure
 
 
@@ -66,7 +66,7 @@ def figure_compensation(run: Run) -> Figure:
     """The compensation wrench u_dc, eq. (20)."""
     figure = style.new_figure(style.HALF_COLUMN, 3.2, caption(run))
     grid = style.stack(figure, 2)[:, 0]
-    _draw_wrench(grid, run, run.u_dc, r"$u_{dc}$")
+    draw_wrench(grid, run, run.u_dc, r"$u_{dc}$")
     return figure
 
 
@@ -74,7 +74,7 @@ def figure_residual(run: Run) -> Figure:
     """What the allocation could not deliver, delivered minus commanded, in {A} axes."""
     figure = style.new_figure(style.HALF_COLUMN, 3.2, caption(run))
     grid = style.stack(figure, 2)[:, 0]
-    _draw_wrench(grid, run, run.residual, "residual", saturation=True)
+    draw_wrench(grid, run, run.residual, "residual", saturation=True)
     return figure
 
 
@@ -82,14 +82,14 @@ def overview(run: Run) -> Figure:
     """Everything about one flight on one page."""
     figure = style.new_figure(style.FULL_PAGE, 8.6, caption(run))
     grid = style.stack(figure, 7, 2, height_ratios=(1, 1, 1, 1, 1, 1, 1.4))
-    _draw_coordinates(grid[:3, 0], run, range(3))
-    _draw_coordinates(grid[:3, 1], run, range(3, 6))
-    _draw_error(grid[3, 0], run, range(3), "error [mm]")
-    _draw_error(grid[3, 1], run, range(3, 6), "error [deg]")
-    _draw_wrench(grid[4], run, run.u_dc, r"$u_{dc}$")
-    _draw_wrench(grid[5], run, run.residual, "residual", saturation=True)
-    _draw_rotors(grid[6, 0], run)
-    _draw_effort(grid[6, 1], run)
+    draw_coordinates(grid[:3, 0], run, range(3))
+    draw_coordinates(grid[:3, 1], run, range(3, 6))
+    draw_error(grid[3, 0], run, range(3), "error [mm]")
+    draw_error(grid[3, 1], run, range(3, 6), "error [deg]")
+    draw_wrench(grid[4], run, run.u_dc, r"$u_{dc}$")
+    draw_wrench(grid[5], run, run.residual, "residual", saturation=True)
+    draw_rotors(grid[6, 0], run)
+    draw_effort(grid[6, 1], run)
     return figure
 
 
@@ -176,7 +176,7 @@ def _draw_reference(ax: Axes, t: Array, values: Array) -> None:
     )
 
 
-def _draw_coordinates(axes: NDArray[np.object_], run: Run, which: range) -> None:
+def draw_coordinates(axes: NDArray[np.object_], run: Run, which: range) -> None:
     """Measured, true and reference values of three coordinates, one each."""
     told, true, asked = (_shown(pose) for pose in (run.measured_pose, run.pose, run.reference_pose))
     for ax, i in zip(axes, which, strict=True):
@@ -190,7 +190,7 @@ def _draw_coordinates(axes: NDArray[np.object_], run: Run, which: range) -> None
     style.legend(axes[0])
 
 
-def _draw_error(ax: Axes, run: Run, which: range, text: str) -> None:
+def draw_error(ax: Axes, run: Run, which: range, text: str) -> None:
     """Errors of the controlled coordinates, scaled to their steady part."""
     response, axes = Response.of(run), run.scenario.axes
     shown = [i for i in which if AXES[i] in axes]
@@ -212,7 +212,7 @@ def _draw_error(ax: Axes, run: Run, which: range, text: str) -> None:
     _mark_end(ax, run)
 
 
-def _draw_wrench(
+def draw_wrench(
     axes: NDArray[np.object_], run: Run, wrench: Array, name: str, saturation: bool = False
 ) -> None:
     """Force on the first, moment on the second of two axes."""
@@ -228,7 +228,7 @@ def _draw_wrench(
         _mark_end(ax, run)
 
 
-def _draw_rotors(ax: Axes, run: Run) -> None:
+def draw_rotors(ax: Axes, run: Run) -> None:
     """Rotor speeds, their bounds, and when a bound was met."""
     speeds, bounds = run.rotor_speeds, run.vehicle.rotors.max_speeds
     for i in range(speeds.shape[1]):
@@ -249,7 +249,7 @@ def _draw_rotors(ax: Axes, run: Run) -> None:
     _mark_end(ax, run)
 
 
-def _draw_effort(ax: Axes, run: Run) -> None:
+def draw_effort(ax: Axes, run: Run) -> None:
     """Sum of the thrusts over the weight, and what all rotors at their largest speed give."""
     vehicle = run.vehicle
     thrusts = np.square(run.rotor_speeds) * vehicle.rotors.k_f

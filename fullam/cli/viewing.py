@@ -1,0 +1,202 @@
+"""`fullam view` and `fullam plot`."""
+
+from __future__ import annotations
+
+import argparse
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fullam.cli import options
+from fullam.cli.output import progress, say
+from fullam.cli.verbs import FAILED, OK, argument, verb
+
+if TYPE_CHECKING:
+    from fullam.simulation.run import Run
+    from fullam.viz.viewer.replay import Film
+    from fullam.viz.viewer.server import ViewerServer
+
+SETTINGS = argument(
+    "--set",
+    type=options.setting,
+    action="append",
+    default=[],
+    metavar="KEY=VALUE",
+    help="a setting of the controller, in JSON or TOML; may be repeated",
+)
+
+
+def positive(text: str) -> float:
+    """A number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is no number above 0")
+    return value
+
+
+@verb(
+    "view",
+    argument("target", nargs="+", metavar="WHAT", help="a scenario, or one or more run files"),
+    argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
+    SETTINGS,
+    *options.FLIGHT,
+    argument("--speed", type=positive, default=1.0, metavar="X", help="of the live flight (1)"),
+    argument("--offset", type=float, metavar="M", help="between flights side by side [m]"),
+    argument("--open", action="store_true", help="open the page in the default browser"),
+    argument("--port", type=int, metavar="N", help="(default: the first free one from 7000)"),
+    argument("--wait", type=positive, default=10.0, metavar="S", help="for a page to open (10)"),
+    argument("--once", action="store_true", help="stop when the live flight is over"),
+    argument("--html", type=Path, metavar="FILE", help="write a page that plays offline"),
+    argument("--png", type=Path, metavar="FILE", help="write a still (needs Chromium)"),
+    argument("--gif", type=Path, metavar="FILE", help="write an animation (needs Chromium)"),
+    argument("--at", type=float, metavar="S", help="when the still is taken (half-way)"),
+)
+def view_flight(arguments: argparse.Namespace) -> int:
+    """See a flight in three dimensions.
+
+    A scenario is flown in real time while you look: the page's address is printed, the flight
+    starts when the page is open or after --wait seconds, and when it is over the page replays it.
+    Run files (.npz) are replayed, several of them side by side. With --html, --png or --gif
+    nothing is served: the flight is written to those files. Ctrl-C stops.
+
+    The page is served to this machine only, without a password. From elsewhere use a tunnel:
+    ssh -L 7000:127.0.0.1:7000 HOST.
+    """
+    records = [name for name in arguments.target if name.endswith(".npz")]
+    if len(records) < len(arguments.target) and len(arguments.target) > 1:
+        from fullam.exceptions import InvalidInput
+
+        raise InvalidInput(
+            "fullam view",
+            "WHAT",
+            f"is {' '.join(arguments.target)}",
+            "give one scenario, or run files (.npz) alone",
+        )
+    if not records and not (arguments.html or arguments.png or arguments.gif):
+        return _fly_live(arguments)
+    from fullam.simulation.run import Run
+    from fullam.viz.viewer.replay import film
+
+    runs = [Run.load(path) for path in records] or [_fly(arguments)]
+    shown = film(runs, offset=arguments.offset)
+    if arguments.html or arguments.png or arguments.gif:
+        _export(shown, arguments)
+    else:
+        from fullam.viz.viewer.server import ViewerServer
+
+        with ViewerServer(arguments.port) as server:
+            server.play(shown)
+            _announce(server, arguments.open)
+            _until_interrupted()
+    return FAILED if any(run.diverged for run in runs) else OK
+
+
+def _fly(arguments: argparse.Namespace) -> Run:
+    from fullam.cli.flying import fly
+
+    run, _ = fly(arguments_with_scenario(arguments), arguments.controller, dict(arguments.set))
+    return run
+
+
+def arguments_with_scenario(arguments: argparse.Namespace) -> argparse.Namespace:
+    """The arguments as `fullam run` has them."""
+    return argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+
+
+def _fly_live(arguments: argparse.Namespace) -> int:
+    from fullam.simulation.simulate import prepare
+    from fullam.viz.viewer.live import LiveFlight
+    from fullam.viz.viewer.replay import film
+    from fullam.viz.viewer.server import ViewerServer
+
+    plan = prepare(
+        arguments.target[0],
+        arguments.controller,
+        settings=dict(arguments.set),
+        **options.flight_arguments(arguments),
+    )
+    live = LiveFlight(plan)
+    with ViewerServer(arguments.port) as server:
+        live.show(server)
+        _announce(server, arguments.open)
+        try:
+            server.wait_for_page(arguments.wait)
+            report = live.fly(server, arguments.speed)
+        except KeyboardInterrupt:
+            return OK
+        run = report.run
+        say(
+            f"{run.scenario.name}, {run.controller}: {run.t[-1]:.2f} s flown in "
+            f"{report.wall_time:.2f} s, {report.frame_rate:.0f} frames/s, at most "
+            f"{1000.0 * report.latest:.0f} ms late, {run.outcome}"
+        )
+        if not arguments.once:
+            server.play(film(run))
+            _until_interrupted()
+    return FAILED if run.diverged else OK
+
+
+def _announce(server: ViewerServer, open_browser: bool) -> None:
+    import sys
+
+    say(f"open {server.url} (this machine only; Ctrl-C stops)")
+    sys.stdout.flush()
+    if open_browser:
+        import webbrowser
+
+        webbrowser.open(server.url)
+
+
+def _until_interrupted() -> None:
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        return
+
+
+def _export(film: Film, arguments: argparse.Namespace) -> None:
+    from fullam.viz.viewer import export
+
+    if arguments.html:
+        say(f"page saved to {export.write_html(film, arguments.html)}")
+    if arguments.png:
+        say(f"still saved to {export.write_png(film, arguments.png, arguments.at)}")
+    if arguments.gif:
+        with progress("animation") as show:
+            path = export.write_gif(film, arguments.gif, progress=show)
+        say(f"animation saved to {path}")
+
+
+@verb(
+    "plot",
+    argument("run", metavar="FILE", help="a run file (.npz)"),
+    argument(
+        "--what",
+        type=options.names,
+        default=["overview"],
+        metavar="A,B,...",
+        help="panels: pose, attitude, errors, rotors, effort, wrench, command, compensation, "
+        "residual; or overview, all on one page (default)",
+    ),
+    argument(
+        "--out", type=options.figure_path, required=True, metavar="FILE", help=".png, .pdf or .svg"
+    ),
+)
+def plot_run(arguments: argparse.Namespace) -> int:
+    """Draw a record.
+
+    Panels stand under each other over one time axis, half a column wide; the suffix of the file
+    chooses the format.
+    """
+    from fullam.simulation.run import Run
+    from fullam.viz.figures import overview, save_figure
+    from fullam.viz.panels import plot
+
+    run = Run.load(arguments.run)
+    whole = arguments.what == ["overview"]
+    figure = overview(run) if whole else plot(run, arguments.what)
+    say(f"figure saved to {save_figure(figure, arguments.out)}")
+    return OK

@@ -1,0 +1,138 @@
+"""A vehicle at rest: the rotor speeds that hold it, whether they can, and the picture of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from fullam.analysis.capability import Support, gravity_wrench
+from fullam.control.allocation import Allocator
+from fullam.control.wrench_axes import controllable_axes
+from fullam.dynamics.pose_space import pose_from_euler
+from fullam.model.vehicle import Vehicle
+from fullam.viz.viewer.replay import Film
+from fullam.viz.viewer.scene import Scene, Snapshot, VehicleScene
+
+Array = NDArray[np.float64]
+
+HEIGHT = 1.5
+"""Height at which a vehicle at rest is drawn [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hover:
+    """A vehicle that holds still, or tries to.
+
+    Attributes:
+        vehicle: The vehicle.
+        pose: [p, quaternion xyzw].
+        arm: Joint angles [rad].
+        speeds: Rotor speeds, shape (n,) [rad/s].
+        feasible: Whether they hold it.
+        missing: What is missing of the wrench that would, in {A}, shape (6,) [N, N m].
+        tilt: Angle between the platform's z and the vertical [rad].
+        largest_tilt: Largest tilt in this direction that can be held [rad].
+    """
+
+    vehicle: Vehicle
+    pose: Array
+    arm: Array
+    speeds: Array
+    feasible: bool
+    missing: Array
+    tilt: float
+    largest_tilt: float
+
+    @property
+    def shares(self) -> Array:
+        """Thrusts as shares of the largest, shape (n,); 0 for failed rotors."""
+        top = self.vehicle.rotors.max_speeds
+        return np.square(np.divide(self.speeds, top, out=np.zeros_like(top), where=top > 0.0))
+
+    def snapshot(self) -> Snapshot:
+        """As a viewer needs it."""
+        vehicle, n = self.vehicle, self.vehicle.n_arm
+        R_WA = pin.Quaternion(self.pose[3:]).toRotationMatrix()
+        wrench_A = vehicle.rotors.wrench(self.speeds)
+        weight_A, _ = _load(vehicle, self.pose, self.arm)
+        # What cannot be delivered is held by a hand: the vehicle is drawn at rest all the same.
+        hand_A = weight_A - wrench_A
+        return Snapshot(
+            pose=self.pose,
+            velocity=np.zeros(6),
+            arm=self.arm,
+            arm_rate=np.zeros(n),
+            arm_acceleration=np.zeros(n),
+            rotor_speeds=self.speeds,
+            rotor_wrench=np.concatenate([R_WA @ wrench_A[:3], R_WA @ wrench_A[3:]]),
+            disturbance=np.concatenate([R_WA @ hand_A[:3], R_WA @ hand_A[3:]]),
+            target=self.pose,
+            saturated=not self.feasible,
+            spin=0.7 * np.arange(len(self.speeds), dtype=np.float64),
+        )
+
+
+def hover(
+    vehicle: Vehicle, arm_deg: ArrayLike | None = None, euler_deg: ArrayLike = (0.0, 0.0, 0.0)
+) -> Hover:
+    """Work out how a vehicle holds still.
+
+    Args:
+        vehicle: The vehicle.
+        arm_deg: Joint angles [deg]; 0 by default.
+        euler_deg: x-y-z Euler angles of the platform [deg].
+
+    Raises:
+        VehicleError: Not one angle per arm joint.
+    """
+    angles = None if arm_deg is None else np.deg2rad(np.asarray(arm_deg, dtype=float))
+    arm = np.array(vehicle.neutral(angles)[7:])
+    pose = pose_from_euler(np.array([0.0, 0.0, HEIGHT]), np.deg2rad(np.asarray(euler_deg)))
+    rotors = vehicle.rotors
+    wrench_A, up_A = _load(vehicle, pose, arm)
+    allocator = Allocator(rotors, axes=controllable_axes(rotors), vehicle_name=vehicle.name)
+    speeds = allocator.solve(wrench_A).speeds
+    _, center = gravity_wrench(vehicle, arm)
+    support = Support(rotors, vehicle.mass * vehicle.gravity, center)
+    azimuth = float(np.arctan2(up_A[1], up_A[0]))
+    return Hover(
+        vehicle=vehicle,
+        pose=pose,
+        arm=arm,
+        speeds=speeds,
+        feasible=support.holds(up_A),
+        missing=wrench_A - rotors.wrench(speeds),
+        tilt=float(np.arccos(np.clip(up_A[2], -1.0, 1.0))),
+        largest_tilt=support.largest_tilt(azimuth),
+    )
+
+
+def _load(vehicle: Vehicle, pose: Array, arm: Array) -> tuple[Array, Array]:
+    """Rotor wrench that holds the vehicle, in {A}, and the vertical seen from {A}."""
+    q = np.concatenate([pose, arm])
+    wrench = pin.computeGeneralizedGravity(vehicle.model, vehicle.create_data(), q)[:6]
+    return np.array(wrench), pin.Quaternion(pose[3:]).toRotationMatrix()[2].copy()
+
+
+def stage(vehicle: Vehicle, details: str | None = None) -> Scene:
+    """A scene with one vehicle at rest, without a target."""
+    part = VehicleScene(vehicle, vehicle.name, ghost=False)
+    text = (
+        details or f"{vehicle.rotors.count} rotors, {vehicle.n_arm} joints, {vehicle.mass:.3g} kg"
+    )
+    return Scene([part], vehicle.name, text, np.array([[0.0, 0.0, HEIGHT]]))
+
+
+def portrait(
+    vehicle: Vehicle, arm_deg: ArrayLike | None = None, euler_deg: ArrayLike = (0.0, 0.0, 0.0)
+) -> Film:
+    """A film of one frame: the vehicle at hover, its rotors at the speeds that hold it.
+
+    Arguments and errors as in `hover`.
+    """
+    scene = stage(vehicle)
+    frame = scene.frame(0.0, [hover(vehicle, arm_deg, euler_deg).snapshot()])
+    return Film(scene.spec(clock=False), frame[None, :], 1.0)

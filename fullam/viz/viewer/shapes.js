@@ -1,0 +1,195 @@
+// Shapes, arrows, trail and ground, built with the three.js that Meshcat brings.
+"use strict";
+const Shapes = (() => {
+  const THREE = MeshCat.THREE;
+  const UP = new THREE.Vector3(0, 1, 0);
+  const linear = (css) => new THREE.Color(css).convertSRGBToLinear();
+
+  // Two materials a mesh: a fine one, and one that a slow or software renderer draws quickly.
+  function dress(mesh, spec, more = {}) {
+    const see_through = (spec.opacity ?? 1) < 1, look = { color: linear(spec.colour),
+      transparent: see_through, opacity: spec.opacity ?? 1, depthWrite: !see_through,
+      side: spec.type === "mesh" || see_through ? THREE.DoubleSide : THREE.FrontSide,
+      flatShading: spec.type === "mesh" };
+    if (spec.glow) Object.assign(look, { emissive: linear(spec.colour),
+      emissiveIntensity: spec.glow });
+    Object.assign(look, more);
+    const fine = new THREE.MeshStandardMaterial({ ...look, roughness: 0.5, metalness: 0.0 });
+    mesh.userData = { fine, fast: new THREE.MeshLambertMaterial(look) };
+    mesh.material = fine;
+    return mesh;
+  }
+
+  function fineness(scene, fine) {
+    scene.traverse((node) => {
+      if (node.userData.fine) node.material = fine ? node.userData.fine : node.userData.fast;
+    });
+  }
+
+  function floats(text) {
+    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+    return new Float32Array(bytes.buffer);
+  }
+
+  function geometry(spec) {
+    if (spec.type === "box") return new THREE.BoxGeometry(...spec.size);
+    if (spec.type === "sphere") return new THREE.SphereGeometry(spec.radius, 32, 20);
+    if (spec.type === "cylinder" || spec.type === "cone") {
+      const top = spec.type === "cone" ? 0 : spec.radius;
+      const sides = spec.radius > 0.05 ? 48 : 16;
+      return new THREE.CylinderGeometry(top, spec.radius, spec.length, sides).rotateX(Math.PI / 2);
+    }
+    if (spec.type === "torus") return new THREE.TorusGeometry(spec.radius, spec.tube, 6, 48);
+    if (spec.type === "mesh") {
+      const mesh = new THREE.BufferGeometry();
+      mesh.setAttribute("position", new THREE.BufferAttribute(floats(spec.vertices), 3));
+      mesh.setIndex(new THREE.BufferAttribute(new Uint32Array(floats(spec.faces).buffer), 1));
+      mesh.computeVertexNormals();
+      return mesh;
+    }
+    throw new Error(`unknown shape ${spec.type}`);
+  }
+
+  function shape(spec) {
+    const mesh = dress(new THREE.Mesh(geometry(spec)), spec);
+    mesh.castShadow = (spec.opacity ?? 1) > 0.3;
+    mesh.receiveShadow = mesh.castShadow;
+    return mesh;
+  }
+
+  // An arrow along +y with one head (a force) or two (a moment); its vector scales it.
+  class Arrow {
+    constructor({ radius, colour, heads = 1, through = false }) {
+      this.radius = radius;
+      this.heads = [];
+      const spec = { colour, glow: 0.25 };
+      const more = through ? { transparent: true, opacity: 0.92, depthTest: false } : {};
+      this.object = new THREE.Group();
+      const shaft = new THREE.CylinderGeometry(radius, radius, 1, 16);
+      this.shaft = dress(new THREE.Mesh(shaft), spec, more);
+      this.object.add(this.shaft);
+      for (let i = 0; i < heads; i++) {
+        const cone = new THREE.ConeGeometry(2.4 * radius, 1, 20);
+        this.heads.push(dress(new THREE.Mesh(cone), spec, more));
+        this.object.add(this.heads[i]);
+      }
+      for (const child of this.object.children) {
+        child.castShadow = !through;
+        child.renderOrder = through ? 10 : 0;
+      }
+    }
+    length(value) {
+      this.object.visible = value > 0.5 * this.radius;
+      const head = Math.min(6.5 * this.radius, 0.6 * value / this.heads.length);
+      const shaft = Math.max(value - head, 1e-6);
+      this.shaft.scale.y = shaft;
+      this.shaft.position.y = 0.5 * shaft;
+      this.heads.forEach((cone, i) => {
+        cone.scale.set(1, head, 1);
+        cone.position.y = value - (0.5 + 0.75 * i) * head;
+      });
+    }
+    point(x, y, z, scale) {
+      const vector = new THREE.Vector3(x, y, z);
+      const size = vector.length();
+      if (size > 0) this.object.quaternion.setFromUnitVectors(UP, vector.divideScalar(size));
+      this.length(size * scale);
+    }
+    tint(colour) {
+      for (const { userData } of this.object.children)
+        for (const material of [userData.fine, userData.fast]) {
+          material.color.copy(colour);
+          material.emissive.copy(colour);
+        }
+    }
+  }
+
+  // A thin tube through points that come one by one.
+  class Trail {
+    constructor({ radius, colour, capacity = 6000 }) {
+      this.sides = 5;
+      this.radius = radius;
+      this.capacity = capacity;
+      this.points = [];
+      const tube = new THREE.BufferGeometry();
+      const vertices = () => new THREE.BufferAttribute(
+        new Float32Array(3 * this.sides * capacity), 3);
+      tube.setAttribute("position", vertices());
+      tube.setAttribute("normal", vertices());
+      const faces = [];
+      for (let k = 0; k < capacity - 1; k++)
+        for (let i = 0; i < this.sides; i++) {
+          const a = k * this.sides + i, b = k * this.sides + (i + 1) % this.sides;
+          faces.push(a, b, a + this.sides, b, b + this.sides, a + this.sides);
+        }
+      tube.setIndex(faces);
+      this.object = dress(new THREE.Mesh(tube), { colour, glow: 0.4, opacity: 0.85 });
+      this.object.frustumCulled = false;
+      this.show(0);
+    }
+    show(count) {
+      this.object.geometry.setDrawRange(0, 6 * this.sides * Math.max(0, count - 1));
+    }
+    clear() { this.points = []; this.show(0); }
+    add(x, y, z, least = 0) {
+      const point = new THREE.Vector3(x, y, z), last = this.points[this.points.length - 1];
+      if (last && least > 0 && last.distanceTo(point) < least) return;
+      if (this.points.length === this.capacity) {  // forget the older half
+        const kept = this.points.slice(this.capacity / 2);
+        this.clear();
+        for (const p of kept) this.add(p.x, p.y, p.z);
+      }
+      this.points.push(point);
+      const k = this.points.length - 1, { position, normal } = this.object.geometry.attributes;
+      const along = last ? point.clone().sub(last) : new THREE.Vector3(0, 0, 1);
+      if (along.lengthSq() < 1e-18) along.set(0, 0, 1);
+      const helper = Math.abs(along.z) < 0.8 * along.length() ? [0, 0, 1] : [1, 0, 0];
+      const u = new THREE.Vector3(...helper).cross(along).normalize();
+      const w = along.normalize().cross(u).normalize();
+      for (let i = 0; i < this.sides; i++) {
+        const angle = 2 * Math.PI * i / this.sides, n = u.clone().multiplyScalar(Math.cos(angle));
+        n.addScaledVector(w, Math.sin(angle));
+        const place = point.clone().addScaledVector(n, this.radius), row = k * this.sides + i;
+        position.setXYZ(row, place.x, place.y, place.z);
+        normal.setXYZ(row, n.x, n.y, n.z);
+      }
+      position.needsUpdate = normal.needsUpdate = true;
+      this.show(this.points.length);
+    }
+  }
+
+  // A grid that fades with the distance, half a metre between fine lines, a metre between bold.
+  function ground() {
+    const plane = new THREE.PlaneGeometry(60, 60);
+    const grid = new THREE.Mesh(plane, new THREE.ShaderMaterial({
+      transparent: true, depthWrite: false, extensions: { derivatives: true },
+      uniforms: { centre: { value: new THREE.Vector2() }, reach: { value: 4.0 } },
+      vertexShader: `varying vec2 place;
+        void main() { place = (modelMatrix * vec4(position, 1.0)).xz * vec2(1.0, -1.0);
+          gl_Position = projectionMatrix * viewMatrix * modelMatrix * vec4(position, 1.0); }`,
+      fragmentShader: `varying vec2 place; uniform vec2 centre; uniform float reach;
+        float line(float cell, float wide) { vec2 x = place / cell, d = fwidth(x);
+          vec2 g = abs(fract(x - 0.5) - 0.5) / max(d, 1e-6);
+          return 1.0 - clamp(min(g.x, g.y) / wide, 0.0, 1.0); }
+        void main() { float fade = exp(-pow(length(place - centre) / reach, 2.0));
+          float ink = max(0.20 * line(0.5, 1.0), 0.42 * line(1.0, 1.2));
+          gl_FragColor = vec4(vec3(0.16, 0.24, 0.33), ink * fade); }`,
+    }));
+    const shade = new THREE.Mesh(plane, new THREE.ShadowMaterial({ opacity: 0.2 }));
+    shade.receiveShadow = true;
+    shade.position.z = -0.002;
+    const group = new THREE.Group();
+    group.add(shade, grid);
+    return { group, grid };
+  }
+
+  function colours(stops) {
+    const list = stops.map(linear), out = new THREE.Color();
+    return (share) => {
+      const x = Math.min(Math.max(share, 0), 1) * (list.length - 1), k = Math.floor(x);
+      return out.copy(list[k]).lerp(list[Math.min(k + 1, list.length - 1)], x - k);
+    };
+  }
+
+  return { Arrow, Trail, shape, ground, colours, floats, fineness };
+})();
