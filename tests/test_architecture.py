@@ -9,7 +9,17 @@ import fullam
 
 PACKAGE = Path(fullam.__file__).parent
 
-ROOMS = ["exceptions", "files", "model", "dynamics", "control", "simulation", "analysis", "viz"]
+ROOMS = [
+    "exceptions",
+    "files",
+    "registry",
+    "model",
+    "dynamics",
+    "control",
+    "simulation",
+    "analysis",
+    "viz",
+]
 """From the ground up: a room imports itself and what stands before it."""
 
 TOP = {"__init__", "__main__", "cli", "paper", "paper_equations", "version"}

@@ -15,8 +15,9 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.exceptions import SettingsError, UnknownName
+from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
+from fullam.registry import Registry
 
 Array = NDArray[np.float64]
 
@@ -131,7 +132,7 @@ class Controller(ABC):
 
 ControllerType = TypeVar("ControllerType", bound=type[Controller])
 
-_REGISTRY: dict[str, type[Controller]] = {}
+_REGISTRY: Registry[type[Controller]] = Registry("controller")
 
 
 def register(name: str) -> Callable[[ControllerType], ControllerType]:
@@ -156,10 +157,7 @@ def controller_class(name: str) -> type[Controller]:
     Raises:
         UnknownName: No such controller; the message lists the known ones.
     """
-    try:
-        return _REGISTRY[name]
-    except KeyError:
-        raise UnknownName("controller", name, controller_names()) from None
+    return _REGISTRY[name]
 
 
 def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from fullam.control.controller import Measurement
 from fullam.control.filters import FirstOrderPoseFilter
 from fullam.dynamics.pose_space import IDENTITY, AttitudeView
-from fullam.exceptions import SettingsError, UnknownName
+from fullam.exceptions import SettingsError
+from fullam.registry import Registry
 
 Array = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ class Estimator(ABC):
 
 EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
 
-_REGISTRY: dict[str, type[Estimator]] = {}
+_REGISTRY: Registry[type[Estimator]] = Registry("estimator")
 
 
 def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
@@ -148,10 +149,7 @@ def estimator_class(name: str) -> type[Estimator]:
     Raises:
         UnknownName: No such estimator; the message lists the known ones.
     """
-    try:
-        return _REGISTRY[name]
-    except KeyError:
-        raise UnknownName("estimator", name, estimator_names()) from None
+    return _REGISTRY[name]
 
 
 @register_estimator("truth")

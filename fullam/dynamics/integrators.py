@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.exceptions import UnknownName
+from fullam.registry import Registry
 
 Array = NDArray[np.float64]
 
@@ -99,11 +99,14 @@ class Integrator:
     evaluations: int
 
 
-INTEGRATORS: dict[str, Integrator] = {
-    "semi-implicit-euler": Integrator(semi_implicit_euler, 1, 1),
-    "midpoint": Integrator(midpoint, 2, 2),
-    "rk4": Integrator(rk4, 4, 4),
-}
+INTEGRATORS: Registry[Integrator] = Registry(
+    "integrator",
+    {
+        "semi-implicit-euler": Integrator(semi_implicit_euler, 1, 1),
+        "midpoint": Integrator(midpoint, 2, 2),
+        "rk4": Integrator(rk4, 4, 4),
+    },
+)
 
 
 def integrator(name: str) -> Integrator:
@@ -112,7 +115,4 @@ def integrator(name: str) -> Integrator:
     Raises:
         UnknownName: There is no such integrator.
     """
-    try:
-        return INTEGRATORS[name]
-    except KeyError:
-        raise UnknownName("integrator", name, INTEGRATORS) from None
+    return INTEGRATORS[name]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.dynamics.pose_space import pose_from_euler
-from fullam.exceptions import ScenarioError, UnknownName
+from fullam.exceptions import ScenarioError
+from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
 from fullam.simulation.references import Reference, Step
@@ -147,7 +148,7 @@ class Scenario:
         return values
 
 
-_REGISTRY: dict[str, Scenario] = {}
+_REGISTRY: Registry[Scenario] = Registry("scenario")
 
 
 def register_scenario(scenario: Scenario) -> Scenario:
@@ -168,11 +169,9 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         UnknownName: Neither a registered name nor an existing file.
         ScenarioError: The file is no TOML, or does not describe a scenario.
     """
-    if str(name_or_path) in _REGISTRY:
-        return _REGISTRY[str(name_or_path)]
     path = Path(name_or_path)
     if path.suffix != ".toml" or not path.is_file():
-        raise UnknownName("scenario", str(name_or_path), scenario_names())
+        return _REGISTRY[str(name_or_path)]
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.exceptions import ScenarioError, UnknownName
+from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import Uncertainty
+from fullam.registry import Registry
 
 Array = NDArray[np.float64]
 
@@ -105,7 +106,9 @@ PAPER = replace(RECORDED, noise_bound=2.5, uncertainty=Uncertainty(share=0.10))
 """As recorded, with the paper's bound of +-25 mm on the noise (2.5 sigma; its +-3 deg would be 3
 sigma) and its +-10 % on the parameters."""
 
-WEATHERS: dict[str, Weather] = {"calm": CALM, "recorded": RECORDED, "paper": PAPER}
+WEATHERS: Registry[Weather] = Registry(
+    "weather", {"calm": CALM, "recorded": RECORDED, "paper": PAPER}
+)
 
 
 def weather(name: str) -> Weather:
@@ -114,10 +117,7 @@ def weather(name: str) -> Weather:
     Raises:
         UnknownName: There is no such weather.
     """
-    try:
-        return WEATHERS[name]
-    except KeyError:
-        raise UnknownName("weather", name, WEATHERS) from None
+    return WEATHERS[name]
 
 
 @dataclass(frozen=True, eq=False)
