@@ -201,7 +201,9 @@ class Kalman(Estimator):
         A *= 0.5 * T
         F[0:3, 3:6] = A
         np.subtract(self._eye, pin.skew(turn), out=F[3:6, 3:6])
-        np.dot(F, P @ F.T, out=P)
+        product = F @ (P @ F.T)
+        np.add(product, product.T, out=P)  # rounding must not pile up between the halves
+        P *= 0.5
         P += self._Q
 
     def _take(self, pose: Array) -> None:

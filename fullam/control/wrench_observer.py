@@ -23,15 +23,16 @@ class WrenchObserver:
 
     whatever the arm does; no Coriolis term, no derivative of the velocity. Everything but d is
     known: h from the measured velocities and the nominal inertias, U from what the allocation
-    delivered, followed by the rotors with a first-order lag in {A} axes. The classical observer
-    of rate K, d = K (h - int (U + m g + d) dt), is for a wrench held over the period T
+    delivered, followed by the rotors with a first-order lag in {A} axes. The classical observer of
+    rate K, d = K (h - int (U + m g + d) dt), is for a wrench held over the period T
 
         d+ = d + (1 - exp(-K T)) ((h+ - h) / T - U_mean - m g - d),
 
-    a first-order low-pass filter on the unexplained wrench. d contains gusts, contact, and what
-    the nominal masses, inertias and thrust coefficients have wrong. An impulse J leaves d = K J
-    behind, which decays with K: cancelling d then takes back just the momentum that the impulse
-    brought.
+    a first-order low-pass filter on the unexplained wrench. It is taken at the origin of {A} before
+    the filter, since gusts and rotors act on the platform and not on the moving centre of mass.
+    d contains gusts, contact, and what the nominal masses, inertias and thrust coefficients have
+    wrong. An impulse J leaves d = K J behind, which decays with K: cancelling d then takes back
+    just the momentum that the impulse brought.
 
     Attributes:
         wrench: d at the origin of {A}, world axes, shape (6,) [N, N m], live.
@@ -58,8 +59,8 @@ class WrenchObserver:
         self._q, self._v = vehicle.neutral(), np.zeros(vehicle.model.nv)
         self._attitude = AttitudeView()
         self._R: Array = np.eye(3)
+        self._c: Array = np.zeros(3)
         self._h: Array = np.zeros(6)
-        self._d: Array = np.zeros(6)
         self._command_A: Array = np.zeros((2, 3))
         self._actual_A: Array = np.zeros((2, 3))
         self.wrench: Array = np.zeros(6)
@@ -67,8 +68,8 @@ class WrenchObserver:
     def reset(self, m: Measurement) -> None:
         """Nothing unexplained yet; the rotors carry the weight."""
         c = self._momentum(m, self._h)
+        self._c[:] = c
         self._R[:] = self._attitude.look(m.q[:7])
-        self._d[:] = 0.0
         self.wrench[:] = 0.0
         hover = np.array([-self._weight, -(pin.skew(c) @ self._weight)])
         np.dot(hover, self._R, out=self._actual_A)
@@ -85,17 +86,18 @@ class WrenchObserver:
         mean_W = mean_A @ (self._R + R).T
         mean_W *= 0.5
         self._R[:] = R
-        lever = pin.skew(c)
+        # The moving arm carries the centre of mass along: what acted had the lever in between.
+        lever = pin.skew(0.5 * (self._c + c))
+        self._c[:] = c
         unexplained = h - self._h
         self._h = h
         unexplained /= self._T
         unexplained[:3] -= mean_W[0] + self._weight
         unexplained[3:] -= mean_W[1] - lever @ mean_W[0]
-        d, out = self._d, self.wrench
-        d += self._gain * (unexplained - d)
-        out[:] = d
-        out[3:] += lever @ d[:3]
-        return out
+        unexplained[3:] += lever @ unexplained[:3]
+        unexplained -= self.wrench
+        self.wrench += self._gain * unexplained
+        return self.wrench
 
     def slow_down(self, factors: Array) -> None:
         """Run with K times these factors, shape (6,)."""

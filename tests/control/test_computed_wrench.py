@@ -1,0 +1,82 @@
+"""Computed wrench: inverse dynamics, held to the forward dynamics and to dc-PID."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
+from fullam.model.loading import load_vehicle
+
+TOLERANCE = 1e-9
+"""Rounding through one RNEA and one 6 x 6 solve; light bodies amplify it."""
+
+VEHICLES = ["fullam", "hextilt", "borinot", "quadrotor_arm"]
+
+
+def random_measurement(vehicle, rng):
+    m = Measurement(vehicle)
+    m.q[:] = pin.integrate(vehicle.model, m.q, rng.normal(size=vehicle.model.nv))
+    m.v[:] = rng.normal(size=vehicle.model.nv)
+    m.arm_acceleration = rng.normal(size=vehicle.n_arm)
+    return m
+
+
+def random_reference(rng):
+    ref = ReferencePoint()
+    quaternion = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
+    ref.pose = np.concatenate([rng.normal(size=3), quaternion])
+    ref.velocity, ref.acceleration = rng.normal(size=(2, 6))
+    return ref
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_produces_the_commanded_acceleration(name, rng):
+    vehicle = load_vehicle(name)
+    controller, body = make_controller("computed-wrench", vehicle), Multibody(vehicle)
+    for _ in range(20):
+        m, ref = random_measurement(vehicle, rng), random_reference(rng)
+        controller.reset(m, ref)
+        u = controller.wrench(0.0, m, ref)
+        wrench_A = (u.reshape(2, 3) @ rotation_of(m.q)).ravel()
+        a = body.base_acceleration(m.q, m.v, m.arm_acceleration, wrench_A)
+        expected = body_acceleration(m.q, m.v, controller.u_pid)
+        np.testing.assert_allclose(a, expected, atol=TOLERANCE, rtol=TOLERANCE)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_is_dc_pid_by_another_road(name, rng):
+    """The root wrench against joint 1, the same gains."""
+    vehicle = load_vehicle(name)
+    gains = {"position_gains": (9.6, 2.0, 6.0), "attitude_gains": (30.0, 5.0, 10.0)}
+    one = make_controller("computed-wrench", vehicle, **gains)
+    other = make_controller("dc-pid", vehicle, **gains)
+    m, ref = random_measurement(vehicle, rng), random_reference(rng)
+    for controller in (one, other):
+        controller.reset(m, ref)
+    for _ in range(5):
+        m = random_measurement(vehicle, rng)
+        expected = other.wrench(0.0, m, ref)
+        np.testing.assert_allclose(one.wrench(0.0, m, ref), expected, atol=TOLERANCE)
+
+
+def test_has_no_integral_action_by_default(rng):
+    vehicle = load_vehicle("fullam")
+    controller = make_controller("computed-wrench", vehicle)
+    m, ref = random_measurement(vehicle, rng), random_reference(rng)
+    controller.reset(m, ref)
+    first = controller.wrench(0.0, m, ref).copy()
+    for _ in range(10):
+        np.testing.assert_array_equal(controller.wrench(0.0, m, ref), first)
+
+
+def test_u_dc_is_the_wrench_without_commanded_acceleration(rng):
+    vehicle = load_vehicle("fullam")
+    controller = make_controller("computed-wrench", vehicle)
+    m, ref = random_measurement(vehicle, rng), ReferencePoint()
+    ref.pose = m.q[:7]
+    ref.velocity = (m.v[:6].reshape(2, 3) @ rotation_of(m.q).T).ravel()
+    controller.reset(m, ref)
+    u = controller.wrench(0.0, m, ref)
+    np.testing.assert_allclose(controller.u_pid, 0.0, atol=1e-12)
+    np.testing.assert_allclose(u, controller.u_dc, atol=1e-10)
