@@ -34,8 +34,8 @@ FLAGS = (
 """WebGL in software, and nothing that asks the network. Without a sandbox it runs in containers;
 it is shown only pages made here."""
 
-OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND"
-"""No name resolves: with it a page has no network."""
+OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
+"""Nothing but this machine's own address resolves: with it a page has no network."""
 
 TIMEOUT = 60.0
 """Longest wait for one answer [s]; a software renderer on a busy machine is slow."""
@@ -71,7 +71,7 @@ class Browser:
         Args:
             width: Of the page [px].
             height: Of the page [px].
-            network: False lets it resolve no name.
+            network: False lets it reach nothing but this machine.
 
         Raises:
             BrowserError: There is none, or it does not start.

@@ -9,9 +9,12 @@ browser), and dies with the process. Any user of this machine can still open the
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
+import os
+import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -30,6 +33,10 @@ TRAIL_STEP = 0.004
 """Least distance between remembered points of a trail [m]."""
 
 START_TIMEOUT = 10.0
+"""Longest wait for the server to stand [s]."""
+
+GOODBYE = 1.0
+"""Longest wait for a page, and for a connection, to answer a goodbye [s]."""
 
 
 class ViewerServer:
@@ -125,34 +132,39 @@ class ViewerServer:
     # ---- what happens in the thread --------------------------------------------------------
 
     def _serve(self, port: int | None) -> None:
+        from tornado.httpserver import HTTPServer
+
         asyncio.set_event_loop(self._loop)
         application = _application(self._join, self._clients.discard)
-        tried = range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else (port,)
-        server = None
-        for number in tried:
-            try:
-                server = _listen(application, number)
-                self._failure = None
-                break
-            except OSError as error:
-                self._failure = error
-        if server is None:
+        try:
+            bound = _bind(range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else (port,))
+        except OSError as error:
+            self._failure = error
             self._started.set()
             self._loop.close()
             return
-        bound = next(iter(server._sockets.values())).getsockname()[1]
-        self.url = f"http://{HOST}:{bound}/"
+        server = HTTPServer(application)
+        server.add_socket(bound)
+        self.url = f"http://{HOST}:{bound.getsockname()[1]}/"
         self._loop.call_soon(self._started.set)
         self._loop.run_forever()
+        self._loop.run_until_complete(self._finish(server))
+        self._loop.close()
+
+    async def _finish(self, server: Any) -> None:
+        """Say goodbye to the pages and close every connection."""
         server.stop()
         for client in list(self._clients):
             client.close()
-        # One more turn lets the closing frames leave.
-        self._loop.run_until_complete(asyncio.sleep(0.05))
-        for task in asyncio.all_tasks(self._loop):
+        until = self._loop.time() + GOODBYE
+        while self._clients and self._loop.time() < until:
+            await asyncio.sleep(0.01)
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(server.close_all_connections(), GOODBYE)
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in others:
             task.cancel()
-        self._loop.run_until_complete(asyncio.sleep(0))
-        self._loop.close()
+        await asyncio.gather(*others, return_exceptions=True)
 
     def _join(self, client: Any) -> None:
         """Bring a new page up to date."""
@@ -230,9 +242,25 @@ def _application(join: Callable[[Any], None], leave: Callable[[Any], None]) -> A
     return application
 
 
-def _listen(application: Any, port: int) -> Any:
-    from tornado.httpserver import HTTPServer
+def _bind(ports: Iterable[int]) -> socket.socket:
+    """A socket on the first free one of some ports.
 
-    server = HTTPServer(application)
-    server.listen(port, address=HOST)
-    return server
+    Raises:
+        OSError: None is free.
+    """
+    failure = OSError("no port to try")
+    for port in ports:
+        found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        found.setblocking(False)
+        # A port just left may be taken again; one in use still may not (but on Windows it could).
+        if os.name == "posix":
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            found.bind((HOST, port))
+            found.listen()
+        except OSError as error:
+            failure = error
+            found.close()
+        else:
+            return found
+    raise failure

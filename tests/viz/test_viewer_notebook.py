@@ -1,0 +1,85 @@
+"""What a notebook cell shows: a page in a frame, and sliders that change the vehicle."""
+
+import numpy as np
+import pytest
+
+import fullam
+from fullam.exceptions import InvalidInput, MissingDependency
+from fullam.viz.viewer.widgets import canted
+
+pytest.importorskip("ipywidgets")
+
+
+@pytest.fixture
+def explorer():
+    made = fullam.explore("fullam")
+    yield made
+    made.close()
+
+
+def test_a_cell_holds_the_whole_page():
+    data = fullam.load_scenario("task-2").to_dict() | {"duration": 0.2}
+    run = fullam.simulate(fullam.Scenario.from_dict(data), calm=True)
+    view = run.view(height=333)
+    cell = view._repr_html_()
+    assert "height: 333px" in cell and "srcdoc=" in cell
+    assert "fullam.film(" in cell and "script src" not in cell
+    assert "task-2" in repr(view)
+
+
+def test_a_vehicle_among_records_is_refused():
+    vehicle = fullam.load_vehicle("fullam")
+    with pytest.raises(InvalidInput):
+        fullam.view(vehicle, vehicle)
+
+
+def test_sliders_move_arm_tilt_and_cant(explorer):
+    level = explorer.hover
+    assert level.feasible
+    explorer.sliders["joint_1"].value = -90.0
+    np.testing.assert_allclose(explorer.hover.arm[0], -np.pi / 2)
+    explorer.sliders["tilt about x"].value = 20.0
+    assert np.rad2deg(explorer.hover.tilt) == pytest.approx(20.0)
+    explorer.sliders["cant"].value = 10.0
+    assert np.rad2deg(np.arccos(explorer.vehicle.rotors.axes[:, 2])) == pytest.approx(10.0)
+    # Ten degrees of cant push sideways with at most tan 10 deg of the lift.
+    assert not explorer.hover.feasible
+    assert "cannot hold" in explorer._report.value
+    explorer.sliders["tilt about x"].value = 0.0
+    assert explorer.hover.feasible
+    assert "holds" in explorer._report.value
+
+
+def test_the_scene_follows_the_sliders(explorer):
+    before = explorer.server._frame
+    explorer.sliders["joint_2"].value = 30.0
+    assert explorer.server._frame != before
+    scene = explorer.server._scene
+    explorer.sliders["cant"].value = 20.0
+    assert explorer.server._scene is not scene
+    assert explorer.server._scene["keep_camera"]
+
+
+def test_a_vehicle_without_a_design_has_no_cant_slider():
+    explorer = fullam.explore(fullam.load_vehicle("hextilt"))
+    try:
+        assert "cant" not in explorer.sliders
+        assert len(explorer.sliders) == 5 + 2
+    finally:
+        explorer.close()
+
+
+def test_canted_changes_the_rotors_and_nothing_else():
+    vehicle = fullam.load_vehicle("fullam")
+    other = canted(vehicle, 30.0)
+    assert other.mass == vehicle.mass
+    np.testing.assert_allclose(other.rotors.positions, vehicle.rotors.positions, atol=1e-12)
+    np.testing.assert_allclose(np.rad2deg(np.arccos(other.rotors.axes[:, 2])), 30.0)
+
+
+def test_without_ipywidgets_the_message_names_the_extra(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
+    with pytest.raises(MissingDependency, match=r"fullam\[notebook\]"):
+        fullam.explore()
