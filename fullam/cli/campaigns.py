@@ -1,0 +1,260 @@
+"""`fullam sweep`, `fullam tune` and `fullam reproduce`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fullam.cli import options
+from fullam.cli.output import complain, number, say, say_json, table
+from fullam.cli.verbs import INTERRUPTED, OK, argument, verb
+
+if TYPE_CHECKING:
+    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.tuning import Tuning
+
+JOBS = argument("--jobs", type=int, default=1, metavar="N", help="worker processes (default: 1)")
+SCHEDULER = argument(
+    "--scheduler", metavar="ADDRESS", help="a running dask scheduler, instead of a local cluster"
+)
+ENGINE = argument("--engine", default="reference", metavar="NAME", help="engine that flies")
+
+SUMMARY = (
+    ("lost", "outcome", 0),
+    ("settling [s]", "settling_time_s", 2),
+    ("overshoot [%]", "overshoot_percent", 2),
+    ("RMS [mm]", "rms_position_mm", 2),
+    ("RMS [deg]", "rms_attitude_deg", 3),
+    ("excursion [mm]", "max_excursion_mm", 1),
+    ("jitter [deg]", "jitter_attitude_deg", 3),
+)
+"""Columns of the summary: text, column of the rows, digits."""
+
+
+def result_path(text: str) -> Path:
+    """A path for rows, checked before the flights rather than after them."""
+    if Path(text).suffix != ".parquet":
+        raise argparse.ArgumentTypeError(f"'{text}' does not end in .parquet")
+    return Path(text)
+
+
+def settings_path(text: str) -> Path:
+    """A path for tuned settings."""
+    if Path(text).suffix != ".toml":
+        raise argparse.ArgumentTypeError(f"'{text}' does not end in .toml")
+    return Path(text)
+
+
+@verb(
+    "sweep",
+    argument("scenarios", type=options.names, metavar="SCENARIO", help="names, with commas"),
+    argument(
+        "--controllers",
+        type=options.names,
+        default=["dc-pid"],
+        metavar="A,B",
+        help="names; NAME@ESTIMATOR flies with another estimator (default: dc-pid)",
+    ),
+    argument("--runs", type=int, default=100, metavar="N", help="seeds 0 to N-1 (default: 100)"),
+    argument("--tuned", action="store_true", help="the committed tuned gains, not the defaults"),
+    argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
+    argument("--weather", metavar="NAME", help="another weather than the scenario's"),
+    argument("--no-gusts", action="store_true", help="the weather without its gusts"),
+    argument("--traces", action="store_true", help="keep every motion, at 25 Hz"),
+    argument("--out", type=result_path, required=True, metavar="FILE", help="rows (.parquet)"),
+    argument("--overwrite", action="store_true", help="forget what FILE holds"),
+    JOBS,
+    SCHEDULER,
+    ENGINE,
+    options.JSON,
+)
+def sweep(arguments: argparse.Namespace) -> int:
+    """Fly scenarios under many seeds and keep one row a flight.
+
+    All controllers meet the same weather under the same seed. Rows are kept as flights finish: the
+    same command continues a sweep that was interrupted or killed, and ends with the same file,
+    whatever the number of jobs. A flight that diverges is a row.
+    """
+    from fullam.analysis.campaign import Campaign, Contender
+    from fullam.analysis.campaign import sweep as fly
+    from fullam.simulation.scenario import load_scenario
+    from fullam.simulation.settings import SimulationSettings
+
+    scenarios = [load_scenario(name) for name in arguments.scenarios]
+    campaign = Campaign(
+        tuple(scenarios),
+        tuple(Contender.parse(name, arguments.tuned) for name in arguments.controllers),
+        tuple(range(arguments.runs)),
+        _weather(arguments, scenarios),
+        SimulationSettings(**({"estimator": arguments.estimator} if arguments.estimator else {})),
+        arguments.engine,
+        arguments.traces,
+    )
+    try:
+        with _bar("flights") as progress:
+            rows = fly(
+                campaign,
+                arguments.out,
+                jobs=arguments.jobs,
+                scheduler=arguments.scheduler,
+                overwrite=arguments.overwrite,
+                progress=lambda done, total: progress("flights", done, total),
+            )
+    except KeyboardInterrupt:
+        complain(f"interrupted; the same command continues ({arguments.out}.parts holds the rows)")
+        return INTERRUPTED
+    _summarize(rows, campaign, arguments)
+    return OK
+
+
+def _weather(arguments: argparse.Namespace, scenarios: list[Any]) -> Any:
+    """The weather asked for; None leaves each scenario its own.
+
+    Raises:
+        UnknownName: No such weather.
+        ScenarioError: Without gusts, but of which weather: the scenarios' differ.
+    """
+    from fullam.exceptions import ScenarioError
+    from fullam.simulation.weather import weather
+
+    chosen = weather(arguments.weather) if arguments.weather else None
+    if not arguments.no_gusts:
+        return chosen
+    own = {s.name: s.weather for s in scenarios}
+    if chosen is None and len(set(map(str, own.values()))) > 1:
+        raise ScenarioError(
+            "--no-gusts", "weather", "differs between the scenarios", "name one with --weather"
+        )
+    chosen = chosen or scenarios[0].weather
+    return replace(chosen, force_disturbance=0.0, moment_disturbance=0.0)
+
+
+def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace) -> None:
+    import numpy as np
+
+    from fullam.analysis.statistics import middle
+
+    lines, data = [], []
+    for scenario in campaign.scenarios:
+        for contender in campaign.contenders:
+            where = (scenario.name, contender.label)
+            figures = {}
+            for _, name, _digits in SUMMARY:
+                values = rows.column(name, *where)
+                if name == "outcome":
+                    figures[name] = float(np.sum(values != "completed"))
+                else:
+                    finite = np.where(np.isnan(values), np.inf, values.astype(float))
+                    figures[name] = float(middle(finite))
+            data.append({"scenario": where[0], "contender": where[1], "median": figures})
+            cells = [
+                number(figures[n] if np.isfinite(figures[n]) else None, d) for _, n, d in SUMMARY
+            ]
+            lines.append([*where, *cells])
+    if arguments.json:
+        say_json({"out": str(arguments.out), "flights": len(rows), "summary": data})
+        return
+    say(table(lines, ["scenario", "controller", *(text for text, *_ in SUMMARY)], left=2))
+    say(f"\nmedians over {arguments.runs} seeds; {len(rows)} rows in {arguments.out}")
+
+
+@verb(
+    "tune",
+    argument("controller", metavar="CONTROLLER", help="NAME or NAME@ESTIMATOR"),
+    argument("--budget", type=int, default=400, metavar="N", help="candidates (default: 400)"),
+    argument("--seed", type=int, default=0, metavar="N", help="seed of the optimiser (default: 0)"),
+    argument("--out", type=settings_path, metavar="FILE", help="keep the best so far (.toml)"),
+    JOBS,
+    ENGINE,
+)
+def tune(arguments: argparse.Namespace) -> int:
+    """Tune a controller's gains, by the same procedure and budget for every controller.
+
+    CMA-ES on a cost over training flights whose seeds no evaluation uses; then defaults and result
+    fly other seeds, and both costs are printed. With --out, an interrupted search keeps its best.
+    """
+    from fullam.analysis.tuning import tune as search
+
+    controller, _, estimator = arguments.controller.partition("@")
+    budget = arguments.budget
+    with _bar("candidates") as progress:
+
+        def tell(best: Tuning) -> None:
+            progress(f"cost {best.cost:.3f}", best.evaluations, budget)
+
+        best = search(
+            controller,
+            estimator=estimator or None,
+            budget=budget,
+            seed=arguments.seed,
+            jobs=arguments.jobs,
+            engine=arguments.engine,
+            out=arguments.out,
+            progress=tell,
+        )
+    say(best.to_toml().rstrip())
+    return OK
+
+
+@verb(
+    "reproduce",
+    argument("--runs", type=int, default=100, metavar="N", help="seeds a scenario (default: 100)"),
+    argument("--out", type=Path, default=Path("report"), metavar="FOLDER", help="default: report"),
+    argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
+    JOBS,
+    SCHEDULER,
+    ENGINE,
+)
+def reproduce(arguments: argparse.Namespace) -> int:
+    """Fly the whole paper again and write the report.
+
+    Every claim with its interval and verdict, the paper's figures with bands over seeds, and the
+    group's recorded runs beside ours: one page that opens offline. Interrupted, the same command
+    continues.
+    """
+    from fullam.analysis.reproduce import reproduce as fly
+    from fullam.viz.report import write_report
+
+    with _bar("flights") as progress:
+        result = fly(
+            arguments.out,
+            runs=arguments.runs,
+            quick=arguments.quick,
+            jobs=arguments.jobs,
+            scheduler=arguments.scheduler,
+            engine=arguments.engine,
+            progress=progress,
+        )
+    page = write_report(result, arguments.out)
+    say(f"{page}")
+    return OK
+
+
+@contextmanager
+def _bar(unit: str) -> Iterator[Any]:
+    """A bar on stderr if that is a terminal, started over whenever the work changes its name.
+
+    Yields:
+        A function of (text, done, total).
+    """
+    from tqdm import tqdm
+
+    bar = tqdm(disable=None, unit=f" {unit}", dynamic_ncols=True, leave=False)
+
+    def show(text: str, done: int, total: int) -> None:
+        if bar.disable:
+            return
+        if bar.desc != f"{text}: ":
+            bar.reset(total)
+            bar.set_description(text, refresh=False)
+        bar.total, bar.n = total, done
+        bar.refresh()
+
+    try:
+        yield show
+    finally:
+        bar.close()
