@@ -115,7 +115,7 @@ class PidLaw:
             for k in range(3)
         )
         self.period = period
-        self.integral_gain = ki
+        self.proportional_gain, self.integral_gain, self.derivative_gain = kp, ki, kd
         self.integral_limit = np.repeat(settings.integral_limits, 3)
         self.anti_windup = settings.anti_windup
         self.gains = np.hstack([np.diag(kp), np.eye(6), np.diag(kd)])
@@ -190,8 +190,8 @@ class PidBase(Controller):
         self._mass = vehicle.mass
         data = vehicle.create_data()
         upper = np.triu(pin.crba(vehicle.model, data, vehicle.neutral())[3:6, 3:6])
-        self._inertia = upper + np.triu(upper, 1).T
-        self._inertia_inverse = np.linalg.inv(self._inertia)
+        self.rigid_inertia: Array = upper + np.triu(upper, 1).T
+        self._inertia_inverse = np.linalg.inv(self.rigid_inertia)
 
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
         """Empty the integrator."""
@@ -243,7 +243,7 @@ class Pid(PidBase):
         a = self.law.acceleration(measurement, reference, self.u_pid)
         R, u = self.law.rotation, self._wrench
         np.multiply(a[:3], self._mass, out=u[:3])
-        u[3:] = R @ (self._inertia @ (R.T @ a[3:]))
+        u[3:] = R @ (self.rigid_inertia @ (R.T @ a[3:]))
         u += self._weight
         self.u_dc[:] = self._weight
         if self._bounded:

@@ -1,0 +1,83 @@
+"""The compiled functions that Python calls, kept on disk; see `jit.entry`.
+
+Each is a closure over the digest of the sources, which makes numba compile it anew when any module
+of this package has changed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from fullam.simulation.compiled import loop
+from fullam.simulation.compiled.allocation import MAX_SPEED, U, achieved, allocate, allocate_about
+from fullam.simulation.compiled.dynamics import composite, platform_acceleration
+from fullam.simulation.compiled.integrate import ASKED, COMMANDS, POSE, VELOCITY, advance
+from fullam.simulation.compiled.jit import entry, sources
+from fullam.simulation.compiled.rotations import (
+    cross,
+    four,
+    matrix,
+    scale,
+    subtract,
+    three,
+    turn,
+    write,
+)
+
+
+def _build(digest: str) -> tuple[Any, Any, Any, Any]:
+    """The entry points, keyed by the digest of all sources."""
+
+    @entry
+    def fly(job, log, start, stop, last):
+        """See `loop.fly`."""
+        version = digest  # noqa: F841 - what makes it part of the key
+        return loop.fly(job, log, start, stop, last)
+
+    @entry
+    def tick(numbers, links, memory, allotment, state, speeds, target, rate, feedforward, arm):
+        """One control period without sensors: law, turn to {A}, allocation, rotor speeds.
+
+        The reference and the arm have one row each. True if the wrench is out of reach.
+        """
+        version = digest  # noqa: F841
+        box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters = allotment
+        R = loop.command(numbers, links, memory, state, target, rate, feedforward, 0, arm, 0)
+        loop.ask(memory, state, R)
+        saturated = allocate(
+            box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, ASKED
+        )
+        if saturated:
+            m, s, _ = composite(links, arm, 0)
+            center = scale(1.0 / m, s)
+            allocate_about(
+                box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, center
+            )
+            force, moment = achieved(box, unknowns)
+            loop.deliver(numbers, links, memory, R, turn(R, force), turn(R, moment), arm, 0)
+        for i in range(box.shape[0]):
+            speeds[COMMANDS, i] = box[i, MAX_SPEED] * math.sqrt(unknowns[U, i])
+        return saturated
+
+    @entry
+    def step(links, rotors, plant, arm, row, state, speeds, gusts):
+        """See `integrate.advance`; the first gust blows."""
+        version = digest  # noqa: F841
+        advance(links, rotors, plant, arm, row, state, speeds, gusts, 0)
+
+    @entry
+    def accelerate(links, arm, gravity, state, wrench, out):
+        """Derivatives of the true body velocity under a wrench in {A}, row 0 of each array."""
+        version = digest  # noqa: F841
+        R = matrix(four(state, POSE, 3))
+        g = scale(-gravity, (R[6], R[7], R[8]))
+        v, w = three(state, VELOCITY, 0), three(state, VELOCITY, 3)
+        a, b = platform_acceleration(links, arm, 0, w, g, three(wrench, 0, 0), three(wrench, 0, 3))
+        write(out, 0, 0, subtract(a, cross(w, v)))
+        write(out, 0, 3, b)
+
+    return fly, tick, step, accelerate
+
+
+fly, tick, step, accelerate = _build(sources())
