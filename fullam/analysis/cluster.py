@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 from fullam.exceptions import CampaignError, MissingDependency
 
 CONNECT_TIMEOUT = 10.0
@@ -67,7 +69,8 @@ def open_workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Worker
     loopback only, without a dashboard, and ends with this process even if that is killed.
 
     Args:
-        jobs: Processes of the local cluster; 1 works in this process and needs no cluster.
+        jobs: Processes of the local cluster; 1 works in this process, with one thread, and needs
+            no cluster.
         scheduler: Address of a running dask scheduler, instead of a local cluster.
 
     Raises:
@@ -77,7 +80,9 @@ def open_workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Worker
     if jobs < 1:
         raise CampaignError("campaign", "jobs", f"is {jobs}", "give 1 or more")
     if jobs == 1 and scheduler is None:
-        yield Workers()
+        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
+        with threadpool_limits(1):
+            yield Workers()
         return
     try:
         import distributed

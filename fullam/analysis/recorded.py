@@ -1,7 +1,7 @@
 """Our dc-PID under the settings of the runs that the paper's group published, beside those runs.
 
 The published runs (2018) state 100 Hz, a filter of 18/s, and gusts of sigma 10 N and 1.745 N m once
-a second. The recorded arrays themselves say otherwise in four points, and so both readings are
+a second. The recorded arrays themselves say otherwise in five points, and so both readings are
 flown:
 
 - every command stands for two samples: the controller ran at 50 Hz;
@@ -9,7 +9,10 @@ flown:
   command come out as recorded (1.1 N; 100 Hz and 18/s give 2.3 N);
 - the gusts leave no trace: the change of velocity over a gust's sample does not correlate with it,
   where 10 N would change it by 44 mm/s. They are left out;
-- acceleration follows the command in the same sample (correlation 0.99): rotors without lag.
+- acceleration follows the command in the same sample (correlation 0.99): rotors without lag;
+- it follows it in the commanded direction: were the command turned to {A} by the measured attitude,
+  each degree of its error would push sideways with 0.17 m/s^2, which a regression on that error
+  does not find. So the true attitude turns it; with the measured one x and y err half as much more.
 
 (The column named `measured_pose` holds the command before its bounds, at the controller's ticks,
 and zeros between.)
@@ -33,11 +36,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.analysis.response import coordinates, settling_time
+from fullam.dynamics.pose_space import AttitudeView
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.catalogue import CONFIGURATIONS, HOME
 from fullam.simulation.flight import Flight
+from fullam.simulation.plant import Plant
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -78,17 +83,19 @@ class Reading:
         control_period: [s].
         filter_cutoff: [rad/s].
         gusts: Whether the stated gusts act.
+        exact_turn: Whether the true attitude, not the measured one, turns the command to {A}.
     """
 
     name: str
     control_period: float
     filter_cutoff: float
     gusts: bool = False
+    exact_turn: bool = False
 
 
 STATED = Reading("as stated, without gusts", 0.01, 18.0)
 STATED_WITH_GUSTS = Reading("as stated", 0.01, 18.0, gusts=True)
-MEASURED = Reading("as the data show", 0.02, 9.0)
+MEASURED = Reading("as the data show", 0.02, 9.0, exact_turn=True)
 READINGS = (MEASURED, STATED, STATED_WITH_GUSTS)
 
 
@@ -263,12 +270,26 @@ def _fly(task: Task, reading: Reading, proportional: float, seed: int) -> Figure
         ),
     )
     flight = Flight(replace(plan, true=true_vehicle(plan.true)))
+    if reading.exact_turn:
+        flight._attitude = _TrueAttitude(flight.plant)
     for _ in flight.ticks():
         pass
     run = flight.run()
     error = coordinates(run.pose) - coordinates(run.reference_pose)
     step = 1e3 * (run.reference_pose[-1, :3] - np.array(HOME))
     return Figures.of(run.t, error, run.command, step if step.any() else None)
+
+
+class _TrueAttitude(AttitudeView):
+    """Takes the place of the flight's view of the measured attitude."""
+
+    def __init__(self, plant: Plant) -> None:
+        super().__init__()
+        self._plant = plant
+
+    def look(self, pose: Array) -> Array:
+        """R_WA of the plant, whatever pose was measured."""
+        return super().look(self._plant.q[:7])
 
 
 def weather(reading: Reading) -> Weather:

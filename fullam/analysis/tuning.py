@@ -59,7 +59,7 @@ FLIGHT_LENGTH = 6.0
 
 Set = tuple[tuple[str, int], ...]
 _SCENARIOS = ("position-1", "position-3", "tilt-hover-2", "task-2")
-TRAINING: Set = tuple((name, 1_000_000 + k) for name in _SCENARIOS for k in range(2))
+TRAINING: Set = tuple((name, 1_000_000 + k) for name in _SCENARIOS for k in range(3))
 """(scenario, seed) of the flights that the optimiser sees."""
 
 VALIDATION: Set = tuple((name, 2_000_000 + k) for name in _SCENARIOS for k in range(6))
@@ -93,12 +93,12 @@ class Parameter:
 
 
 _PID = (
-    Parameter("position_gains", 0, 2.0, 40.0),
-    Parameter("position_gains", 1, 0.01, 30.0),
+    Parameter("position_gains", 0, 2.0, 80.0),
+    Parameter("position_gains", 1, 0.01, 100.0),
     Parameter("position_gains", 2, 1.0, 20.0),
-    Parameter("attitude_gains", 0, 5.0, 150.0),
-    Parameter("attitude_gains", 1, 0.05, 150.0),
-    Parameter("attitude_gains", 2, 2.0, 40.0),
+    Parameter("attitude_gains", 0, 5.0, 300.0),
+    Parameter("attitude_gains", 1, 0.05, 500.0),
+    Parameter("attitude_gains", 2, 2.0, 60.0),
 )
 SEARCH_SPACES: dict[str, tuple[Parameter, ...]] = {
     "pid": _PID,
@@ -106,16 +106,16 @@ SEARCH_SPACES: dict[str, tuple[Parameter, ...]] = {
     "computed-wrench": _PID,
     "dc-pid-plus": (
         *(_PID[i] for i in (0, 2, 3, 5)),
-        Parameter("observer_rates", 0, 0.5, 30.0),
-        Parameter("observer_rates", 1, 0.5, 30.0),
+        Parameter("observer_rates", 0, 0.5, 60.0),
+        Parameter("observer_rates", 1, 0.5, 60.0),
     ),
     "backstepping": (
-        Parameter("position_gains", 0, 0.5, 8.0),
+        Parameter("position_gains", 0, 0.5, 16.0),
         Parameter("position_gains", 1, 0.5, 16.0),
-        Parameter("position_gains", 2, 0.005, 8.0),
-        Parameter("attitude_gains", 0, 0.5, 16.0),
+        Parameter("position_gains", 2, 0.005, 40.0),
+        Parameter("attitude_gains", 0, 0.5, 40.0),
         Parameter("attitude_gains", 1, 1.0, 30.0),
-        Parameter("attitude_gains", 2, 0.01, 20.0),
+        Parameter("attitude_gains", 2, 0.01, 100.0),
     ),
 }
 """Per controller: what may be tuned, six numbers each; everything else keeps its default."""
@@ -134,6 +134,7 @@ class Tuning:
         evaluations: Candidates flown.
         budget: Candidates allowed.
         seed: Seed of the optimiser.
+        engine: The engine that flew.
         validation: (defaults, tuned) on `VALIDATION`; None while the search goes on.
     """
 
@@ -145,6 +146,7 @@ class Tuning:
     evaluations: int
     budget: int
     seed: int
+    engine: str = "reference"
     validation: tuple[float, float] | None = None
 
     @property
@@ -155,7 +157,8 @@ class Tuning:
     @property
     def command(self) -> str:
         """The command that finds it again."""
-        return f"fullam tune {self.name} --budget {self.budget} --seed {self.seed}"
+        engine = f" --engine {self.engine}" if self.engine != "reference" else ""
+        return f"fullam tune {self.name} --budget {self.budget} --seed {self.seed}{engine}"
 
     def to_toml(self) -> str:
         """The result as a TOML document."""
@@ -253,7 +256,7 @@ def tune(
     controller: str,
     *,
     estimator: str | None = None,
-    budget: int = 400,
+    budget: int = 200,
     seed: int = 0,
     jobs: int = 1,
     engine: str = "reference",
@@ -292,7 +295,9 @@ def tune(
     with open_workers(jobs) as workers:
         training = functools.partial(price, flights=TRAINING)
         default_cost = training(start)
-        best = Tuning(controller, estimator, start, default_cost, default_cost, 1, budget, seed)
+        best = Tuning(
+            controller, estimator, start, default_cost, default_cost, 1, budget, seed, engine
+        )
         for found in _search(best, space, workers, training):
             best = found
             if out is not None:

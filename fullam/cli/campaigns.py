@@ -165,7 +165,7 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
 @verb(
     "tune",
     argument("controller", metavar="CONTROLLER", help="NAME or NAME@ESTIMATOR"),
-    argument("--budget", type=int, default=400, metavar="N", help="candidates (default: 400)"),
+    argument("--budget", type=int, default=200, metavar="N", help="candidates (default: 200)"),
     argument("--seed", type=int, default=0, metavar="N", help="seed of the optimiser (default: 0)"),
     argument("--out", type=settings_path, metavar="FILE", help="keep the best so far (.toml)"),
     JOBS,
