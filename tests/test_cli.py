@@ -190,7 +190,9 @@ def test_check_reports_capability_and_agreement(fullam):
     code, out, err = fullam("check", "fullam", "--samples", 50)
     assert (code, err) == (OK, "")
     assert "rank of the coupling matrix      6 of 6" in out
+    assert "fully actuated                   yes" in out
     assert "acceleration" in out
+    assert "fully actuated                   no" in fullam("check", "borinot", "--samples", 50)[1]
     data = json.loads(fullam("check", "borinot", "--samples", 50, "--json")[1])
     assert data["capability"]["rank"] == 4
     assert data["agreement"]["largest"] < data["agreement"]["tolerance"]

@@ -103,6 +103,7 @@ class Capability:
             ("rotors", str(self.n_rotors), ""),
             ("arm pose", " ".join(f"{angle:.1f}" for angle in np.rad2deg(self.arm)), "deg"),
             ("rank of the coupling matrix", f"{self.rank} of 6", ""),
+            ("fully actuated", "yes" if self.rank == 6 else "no", ""),
             ("singular values", values, "full scale"),
             ("condition number", f"{self.condition_number:.1f}", ""),
             ("thrust to weight, straight up", f"{self.thrust_to_weight:.2f}", ""),

@@ -95,7 +95,7 @@ class Controller(ABC):
         if not period > 0.0:
             raise SettingsError(self.name, "period", f"is {period!r}", "give seconds, above 0")
         settings = self.Settings() if settings is None else settings
-        if not isinstance(settings, self.Settings):
+        if type(settings) is not self.Settings:
             raise SettingsError(
                 self.name,
                 "settings",
@@ -108,6 +108,10 @@ class Controller(ABC):
         self.axes = tuple(bool(a) for a in axes)
         self.u_pid: Array = np.zeros(6)
         self.u_dc: Array = np.zeros(6)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy is a fresh controller: views into workspaces cannot be copied."""
+        return type(self), (self.vehicle, self.settings, self.period, self.axes)
 
     @abstractmethod
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:

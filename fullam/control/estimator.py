@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +100,10 @@ class Estimator(ABC):
         self.period, self.pose_period, self.cutoff = period, pose_period, cutoff
         self.datasheet = Datasheet() if datasheet is None else datasheet
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy is a fresh estimator: views into workspaces cannot be copied."""
+        return type(self), (self.period, self.pose_period, self.cutoff, self.datasheet)
+
     @abstractmethod
     def reset(self, readings: Readings) -> None:
         """Start from the first readings, at rest."""
@@ -120,6 +124,12 @@ class Estimator(ABC):
             velocities: [dp, w] in world axes, shape (N, 6).
         """
         return poses, velocities
+
+    def _arrivals(self, rows: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """In each control period, the row whose pose is at hand, and whether it is a new one."""
+        every = round(self.pose_period / self.period)
+        k = np.arange(rows)
+        return np.maximum(0, k - k % every - self.datasheet.delay_periods), k % every == 0
 
 
 EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
@@ -164,6 +174,10 @@ class Truth(Estimator):
         measurement.q[:7] = readings.pose
         measurement.v[:6] = readings.velocity
 
+    def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
+        """The poses as they arrive; the velocity is the true one."""
+        return poses[self._arrivals(len(poses))[0]], velocities
+
 
 @register_estimator("first-order")
 class FirstOrder(Estimator):
@@ -197,10 +211,12 @@ class FirstOrder(Estimator):
     def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
         """The motion behind the filter, from rest at its first pose."""
         seen, rates = np.empty_like(poses), np.empty_like(velocities)
-        lag = FirstOrderPoseFilter(self.cutoff, self.period)
+        lag = FirstOrderPoseFilter(self.cutoff, self.pose_period)
         lag.reset(poses[0])
-        for k, pose in enumerate(poses):
-            lag.update(pose)
+        arrived, is_new = self._arrivals(len(poses))
+        for k in range(len(poses)):
+            if is_new[k]:
+                lag.update(poses[arrived[k]])
             seen[k], rates[k] = lag.pose, lag.rate
             np.dot(self._attitude.look(lag.pose), lag.rate[3:], out=rates[k, 3:])
         return seen, rates

@@ -57,7 +57,8 @@ class PidSettings:
             whose peak acceleration is this [m/s^2]; None leaves jumps as they are.
         max_angular_acceleration: The same for the attitude [rad/s^2].
         anticipate: Take the known lags (of the estimator, of the rotors) off the commanded motion,
-            so that they are no error; False flies as the published runs did.
+            so that they are no error; False flies as the published runs did. Jumps that are left
+            in (no limit on the acceleration) are not anticipated.
     """
 
     position_gains: tuple[float, float, float] = (9.6, 3.0, 6.0)
@@ -91,6 +92,8 @@ class PidSettings:
             value = getattr(self, field)
             if value is not None and not 0.0 < value < np.inf:
                 raise SettingsError(name, field, f"is {value!r}", "give a number > 0, or None")
+        if not isinstance(self.anticipate, bool):
+            raise SettingsError(name, "anticipate", f"is {self.anticipate!r}", "give true or false")
         if not 0.0 <= self.anti_windup < np.inf:
             raise SettingsError(name, "anti_windup", f"is {self.anti_windup!r}", "give a rate >= 0")
 

@@ -38,6 +38,10 @@ class AttitudeView:
         self._data = self._model.createData()
         self.R_WA: Array = self._data.oMi[2].rotation
 
+    def __reduce__(self) -> tuple[type[AttitudeView], tuple[()]]:
+        """A copy takes a view of its own."""
+        return AttitudeView, ()
+
     def look(self, pose: Array) -> Array:
         """R_WA of [p, quaternion xyzw], shape (7,)."""
         pin.forwardKinematics(self._model, self._data, pose)

@@ -15,6 +15,12 @@ Array = NDArray[np.float64]
 UNIT_TOLERANCE = 1e-3
 """How far a thrust axis may be from unit length: published tables carry four digits."""
 
+NORMALIZED = 4.0 * np.finfo(float).eps
+"""A normalised axis is this close to unit length."""
+
+COLUMNS = ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags")
+"""The numeric columns of `Rotors`."""
+
 
 def thrust(k_f: ArrayLike, speed: ArrayLike) -> Array:
     """Thrust of a rotor, f = k_f Omega^2, eq. (27).
@@ -139,7 +145,7 @@ class Rotors:
         if n == 0:
             raise VehicleError(self.where, "rotors", "there is none", "give at least one rotor")
         shapes = {"positions": (n, 3), "axes": (n, 3)}
-        for field in ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags"):
+        for field in COLUMNS:
             value = np.array(getattr(self, field), dtype=float)
             shape = shapes.get(field, (n,))
             if value.shape != shape:
@@ -158,13 +164,14 @@ class Rotors:
                     f"has length {length:.6g}",
                     f"a thrust axis is a unit vector (within {UNIT_TOLERANCE:g})",
                 )
-        object.__setattr__(self, "axes", self.axes / lengths[:, None])
+        if np.any(np.abs(lengths - 1.0) > NORMALIZED):  # else a copy would differ in its last bit
+            object.__setattr__(self, "axes", self.axes / lengths[:, None])
         self._require("spins", np.isin(self.spins, (-1.0, 1.0)), "spin is +1 or -1")
         self._require("k_f", self.k_f > 0, "a thrust coefficient is positive")
         self._require("k_tau", self.k_tau >= 0, "a drag coefficient is not negative; use the spin")
         self._require("max_speeds", self.max_speeds >= 0, "a largest speed is not negative")
         self._require("lags", self.lags >= 0, "a lag is not negative")
-        for field in ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags"):
+        for field in COLUMNS:
             getattr(self, field).setflags(write=False)
 
     def _require(self, field: str, good: NDArray[np.bool_], remedy: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from fullam.exceptions import NotFullyActuated, VehicleError
 from fullam.model import definition as read
 from fullam.model.physics import check_links, check_total_mass, parse_urdf
-from fullam.model.rotors import Rotors
+from fullam.model.rotors import COLUMNS, Rotors
 
 Array = NDArray[np.float64]
 
@@ -115,6 +115,37 @@ class Vehicle:
             definition=copy.deepcopy(dict(definition)),
             source=source,
         )
+
+    def to_data(self) -> dict[str, Any]:
+        """JSON values that `from_data` rebuilds this very vehicle from, changes included.
+
+        Beside definition and URDF, what may have been changed on the object since: the rotors'
+        columns and the inertia of each body.
+        """
+        return {
+            "definition": self.definition,
+            "urdf": self.urdf,
+            "rotors": {name: getattr(self.rotors, name).tolist() for name in COLUMNS},
+            "bodies": [_body(inertia) for inertia in self.model.inertias[1:]],
+        }
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Vehicle:
+        """The inverse of `to_data`; what the definition yields by itself is left as it is."""
+        vehicle = cls.from_definition(data["definition"], data["urdf"])
+        columns: dict[str, Any] = {
+            name: np.array(values)
+            for name, values in data["rotors"].items()
+            if not np.array_equal(values, getattr(vehicle.rotors, name))
+        }
+        if columns:
+            vehicle = replace(vehicle, rotors=replace(vehicle.rotors, **columns))
+        for i, body in enumerate(data["bodies"], start=1):
+            if body != _body(vehicle.model.inertias[i]):
+                vehicle.model.inertias[i] = pin.Inertia(
+                    body["mass"], np.array(body["lever"]), np.array(body["inertia"])
+                )
+        return vehicle
 
     @property
     def mass(self) -> float:
@@ -228,3 +259,12 @@ def _check_root(robot: ElementTree.Element, platform: str, where: str) -> None:
         raise VehicleError(
             where, "platform", f"'{platform}' is not the root link", f"the URDF's root is {roots}"
         )
+
+
+def _body(inertia: pin.Inertia) -> dict[str, Any]:
+    """Mass [kg], centre of mass [m] and inertia about it [kg m^2] of a body, as JSON values."""
+    return {
+        "mass": inertia.mass,
+        "lever": inertia.lever.tolist(),
+        "inertia": inertia.inertia.tolist(),
+    }

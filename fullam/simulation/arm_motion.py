@@ -53,8 +53,10 @@ class SineRate:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        if self.joint < 1:
-            raise ScenarioError("arm motion", "joint", f"is {self.joint}", "joints count from 1")
+        if not isinstance(self.joint, int) or self.joint < 1:
+            raise ScenarioError(
+                "arm motion", "joint", f"is {self.joint!r}", "joints count 1, 2, ..."
+            )
         if not (np.isfinite(self.rate) and 0.0 < self.frequency < np.inf):
             raise ScenarioError(
                 "arm motion",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator
+from importlib.metadata import version
 
 import numpy as np
 import pinocchio as pin
@@ -107,7 +108,7 @@ class Flight:
             readings = sensors.read(k, plant)
             if inertial:
                 sensors.read_inertial(k, plant)
-            row = 2 * k * substeps
+            row = plan.arm_row(k)
             m.q[7:], m.v[6:] = arm.theta[row], arm.dtheta[row]
             m.arm_acceleration = arm.ddtheta[row]
             point.pose, point.velocity = poses[k], velocities[k]
@@ -184,7 +185,7 @@ def finish(
     """
     out = {name: column[:rows].copy() for name, column in log.items()}
     out["t"] = plan.t[:rows].copy()
-    arm_rows = np.arange(rows) * (2 * plan.simulation.substeps)
+    arm_rows = plan.arm_row(1) * np.arange(rows)
     out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
     out["reference_pose"] = plan.asked.pose[:rows].copy()
     out["disturbance"] = plan.forecast.disturbance[:rows].copy()
@@ -192,13 +193,21 @@ def finish(
     R_told = Rotation.from_quat(out["measured_pose"][:, 3:]).as_matrix()
     out["velocity"] = _turn(R_true, out["velocity"])
     out["measured_velocity"] = _turn(R_told, out["measured_velocity"])
-    out["delivered"] = out["command"] + _turn(R_told, out["residual"])
+    R_thrust = R_told
+    if plan.anticipation is not None:
+        R_thrust = R_told @ Rotation.from_rotvec(plan.anticipation.turn[:rows, 3:]).as_matrix()
+    if not all(plan.scenario.axes_mask):
+        # On axes that nobody controls the allocation falls short without being saturated.
+        asked_A = _turn(R_thrust.transpose(0, 2, 1), out["command"])
+        rotors_A = np.square(out["rotor_commands"]) @ plan.nominal.rotors.coupling_matrix.T
+        out["residual"] = rotors_A - asked_A
+    out["delivered"] = out["command"] + _turn(R_thrust, out["residual"])
     rotor_A = np.square(out["rotor_speeds"]) @ plan.true.rotors.coupling_matrix.T
     out["rotor_wrench"] = _turn(R_true, rotor_A)
     metadata = {
         "format": FORMAT,
         "scenario": plan.scenario.to_dict(),
-        "vehicle": {"definition": plan.nominal.definition, "urdf": plan.nominal.urdf},
+        "vehicle": plan.nominal.to_data(),
         "controller": plan.controller,
         "settings": plan.settings.to_dict(),
         "simulation": plan.simulation.to_dict(),
@@ -210,8 +219,7 @@ def finish(
         "versions": {
             "fullam": fullam.version.__version__,
             "python": platform.python_version(),
-            "pin": pin.__version__,
-            "numpy": np.__version__,
+            **{name: version(name) for name in ("pin", "numpy", "scipy", "proxsuite")},
         },
     }
     return Run(out, metadata)

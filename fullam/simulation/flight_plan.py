@@ -81,10 +81,16 @@ class FlightPlan:
         """Tabulate reference and arm, draw the weather and the true vehicle.
 
         Raises:
-            ScenarioError: The arm angles do not fit the vehicle, or the reference is not finite.
+            ScenarioError: The arm angles do not fit the vehicle, the reference is not finite, or
+                the seed is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        if not isinstance(seed, int | np.integer) or seed < 0:
+            raise ScenarioError(
+                "simulate", "seed", f"is {seed!r}", "give a whole number, 0 or more"
+            )
+        seed = int(seed)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
@@ -115,7 +121,8 @@ class FlightPlan:
                 "raise max_position_error, or let the controller blend (max_acceleration)",
             )
         anticipation = None
-        if getattr(settings, "anticipate", False):
+        blended = asked is not reference
+        if getattr(settings, "anticipate", False) and blended:
             # A law may lead the rotors, which then seem quicker to it.
             speedup = getattr(settings, "actuation_speedup", 1.0)
             lag = float(vehicle.rotors.lags.mean()) / speedup + 0.5 * period
@@ -181,8 +188,10 @@ def divergence(plan: FlightPlan, k: int, pose: Array) -> str | None:
     """
     target, settings, mask = plan.reference.pose[k], plan.simulation, plan.scenario.axes_mask
     distance = float(np.linalg.norm((pose[:3] - target[:3])[list(mask[:3])]))
-    cosine = min(1.0, abs(float(pose[3:] @ target[3:])))
-    angle = 2.0 * np.degrees(np.arccos(cosine))
+    cosine = np.minimum(1.0, abs(pose[3:] @ target[3:]))
+    angle = float(np.degrees(2.0 * np.arccos(cosine)))
+    if not np.isfinite(pose).all():
+        distance = np.nan
     if distance <= settings.max_position_error and angle <= settings.max_attitude_error_deg:
         return None
     return (

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)
 """Peak of |d^2 s/dx^2| for the minimum-jerk profile s = 10 x^3 - 15 x^4 + 6 x^5."""
 
+ON_GRID = 1e-9
+"""A time on the grid may be a rounding error below the number that was typed [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class ReferenceTable:
@@ -76,7 +79,7 @@ class Step:
 
     def tabulate(self, t: Array, initial_pose: Array) -> ReferenceTable:
         """The reference on the grid t, shape (N,)."""
-        pose = np.where((t >= self.at)[:, None], self.final_pose, initial_pose)
+        pose = np.where((t >= self.at - ON_GRID)[:, None], self.final_pose, initial_pose)
         return ReferenceTable(t, pose, np.zeros((t.size, 6)), np.zeros((t.size, 6)))
 
 
@@ -121,7 +124,7 @@ class Waypoints:
         """The reference on the grid t, shape (N,)."""
         poses = pose_from_euler(np.array(self.positions), np.radians(np.array(self.euler_deg)))
         poses = np.vstack([initial_pose, poses])
-        pose = poses[np.searchsorted(self.times, t, side="right")]
+        pose = poses[np.searchsorted(self.times, t + ON_GRID, side="right")]
         return ReferenceTable(t, pose, np.zeros((t.size, 6)), np.zeros((t.size, 6)))
 
 
@@ -265,7 +268,8 @@ def blend_jumps(
     ).as_rotvec() - travel[:, 3:]
     slack = 1e-6 + np.linalg.norm(acceleration, axis=1) * dt[:, 0] ** 2
     jumps = np.linalg.norm(delta, axis=1) + np.linalg.norm(turn, axis=1) > slack
-    for j in np.flatnonzero(jumps):
+    # Last to first: an earlier blend that is still under way turns the later one with it.
+    for j in np.flatnonzero(jumps)[::-1]:
         distance, angle = np.linalg.norm(delta[j]), np.linalg.norm(turn[j])
         T = max(
             np.sqrt(PEAK_ACCELERATION * distance / (max_acceleration or np.inf)),
@@ -277,9 +281,14 @@ def blend_jumps(
         left = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         rate = 30.0 * x**2 * (1.0 - x) ** 2 / T
         curve = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / T**2
-        pose[j:, :3] -= left * delta[j]
         undo = Rotation.from_rotvec(-left * turn[j])
+        spin, inner = rate * turn[j], undo.apply(velocity[j:, 3:])
+        pose[j:, :3] -= left * delta[j]
         pose[j:, 3:] = (undo * Rotation.from_quat(pose[j:, 3:])).as_quat()
-        velocity[j:] += rate * np.concatenate([delta[j], turn[j]])
-        acceleration[j:] += curve * np.concatenate([delta[j], turn[j]])
+        velocity[j:, :3] += rate * delta[j]
+        acceleration[j:, :3] += curve * delta[j]
+        acceleration[j:, 3:] = (
+            curve * turn[j] + undo.apply(acceleration[j:, 3:]) + np.cross(spin, inner)
+        )
+        velocity[j:, 3:] = spin + inner
     return ReferenceTable(t, pose, velocity, acceleration)

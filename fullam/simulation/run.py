@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import tokenize
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +28,18 @@ Array = NDArray[Any]
 FORMAT = "fullam-run-1"
 """Stands in every run file; another value is refused."""
 
+METADATA = (
+    *("scenario", "vehicle", "controller", "settings", "simulation", "weather", "seed"),
+    *("outcome", "reason", "engine", "versions"),
+)
+"""What a run's metadata hold beside the format."""
+
+UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, KeyError, TypeError),
+    *(AttributeError, NotImplementedError, MemoryError, SyntaxError, tokenize.TokenError),
+)
+"""What zipfile, zlib, NumPy (its header is Python text) and JSON raise on a damaged file."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -45,7 +59,7 @@ COLUMNS: dict[str, Column] = {
     "velocity": Column(6, "m/s, rad/s", "true [dp, w] in world axes"),
     "arm": Column("arm", "rad", "joint angles"),
     "arm_rate": Column("arm", "rad/s", "joint rates"),
-    "measured_pose": Column(7, "m, quaternion xyzw", "pose the controller was told"),
+    "measured_pose": Column(7, "m, quaternion xyzw", "pose the controller was told: the estimate"),
     "measured_velocity": Column(6, "m/s, rad/s", "[dp, w] it was told, world axes"),
     "reference_pose": Column(7, "m, quaternion xyzw", "pose asked for by the scenario"),
     "u_pid": Column(6, "m/s^2, rad/s^2", "commanded acceleration, eq. (19), world axes"),
@@ -136,8 +150,7 @@ class Run:
     @property
     def vehicle(self) -> Vehicle:
         """The nominal vehicle, rebuilt from the record alone."""
-        data = self.metadata["vehicle"]
-        return Vehicle.from_definition(data["definition"], data["urdf"])
+        return Vehicle.from_data(self.metadata["vehicle"])
 
     @property
     def scenario(self) -> Scenario:
@@ -232,23 +245,27 @@ class Run:
         try:
             with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in archive.files}
-        except (zipfile.BadZipFile, ValueError, EOFError, OSError, KeyError) as error:
+            metadata = json.loads(str(arrays["metadata"]))
+        except UNREADABLE as error:
             raise RunFileError(
-                where, "file", f"cannot be read ({error})", "save the run again; it is truncated"
+                where,
+                "file",
+                f"cannot be read as a run ({type(error).__name__}: {error})",
+                "give a file written by Run.save; this one is truncated, damaged or another's",
             ) from error
-        try:
-            metadata = json.loads(str(arrays.pop("metadata")))
-        except (KeyError, json.JSONDecodeError) as error:
-            raise RunFileError(
-                where, "metadata", "is missing or no JSON", "give a file written by Run.save"
-            ) from error
-        if metadata.get("format") != FORMAT:
-            raise RunFileError(
-                where, "format", f"is {metadata.get('format')!r}", f"this version reads '{FORMAT}'"
-            )
+        found = metadata.get("format") if isinstance(metadata, dict) else None
+        if found != FORMAT:
+            raise RunFileError(where, "format", f"is {found!r}", f"this version reads '{FORMAT}'")
         missing = [name for name in COLUMNS if name not in arrays]
+        missing += [name for name in METADATA if name not in metadata]
         if missing:
-            raise RunFileError(
-                where, "columns", f"{', '.join(missing)} missing", "save the run again"
+            raise RunFileError(where, "contents", f"{', '.join(missing)} missing", "save it again")
+        rows = arrays["t"].shape
+        for name, column in COLUMNS.items():
+            shape = arrays[name].shape
+            width_fits = not isinstance(column.width, int) or shape[1:] == (column.width,) * (
+                column.width > 0
             )
+            if shape[:1] != rows or not width_fits:
+                raise RunFileError(where, name, f"has shape {shape}", "save the run again")
         return cls({name: arrays[name] for name in COLUMNS}, metadata)

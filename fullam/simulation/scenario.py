@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.dynamics.pose_space import pose_from_euler
-from fullam.exceptions import ScenarioError
+from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
@@ -39,7 +39,8 @@ class Scenario:
         reference: Where the platform should be.
         arm_motion: How the arm moves.
         duration: Length of the flight [s].
-        axes: The controlled axes, out of `AXES`.
+        axes: The controlled axes, out of `AXES`: of the world for the law, of {A} for the
+            allocation. A platform that cannot control them all is meant to stay near level.
         weather: What spoils the flight unless the caller says otherwise.
     """
 
@@ -75,7 +76,13 @@ class Scenario:
                 f"is {self.duration!r}",
                 "give seconds, above 0",
             )
-        axes = tuple(self.axes)
+        object.__setattr__(self, "duration", float(self.duration))
+        for name in ("name", "description", "vehicle"):
+            if not isinstance(getattr(self, name), str):
+                raise ScenarioError(
+                    f"scenario '{self.name}'", name, f"is {getattr(self, name)!r}", "give a text"
+                )
+        axes = (self.axes,) if isinstance(self.axes, str) else tuple(self.axes)
         if not axes or set(axes) - set(AXES):
             raise ScenarioError(
                 f"scenario '{self.name}'", "axes", f"is {axes!r}", f"choose from {', '.join(AXES)}"
@@ -167,7 +174,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
     Raises:
         UnknownName: Neither a registered name nor an existing file.
-        ScenarioError: The file is no TOML, or does not describe a scenario.
+        ScenarioError: The file is no TOML, or does not describe a scenario; names file and field.
     """
     path = Path(name_or_path)
     if path.suffix != ".toml" or not path.is_file():
@@ -178,7 +185,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         raise ScenarioError(str(path), "TOML", str(error), "mend the syntax") from error
     try:
         return Scenario.from_dict(data)
-    except ScenarioError as error:
+    except InvalidInput as error:
         raise ScenarioError(
             f"{path}: {error.where}", error.field, error.problem, error.remedy
+        ) from error
+    except UnknownName as error:
+        raise ScenarioError(
+            str(path), error.kind, f"'{error.name}' is unknown", f"choose {', '.join(error.known)}"
         ) from error

@@ -62,6 +62,13 @@ class Weather:
                     f"is {value!r}",
                     f"give a number {'above 0' if positive else 'of at least 0'}",
                 )
+        if self.gust_duration > self.gust_interval:
+            raise ScenarioError(
+                "weather",
+                "gust_duration",
+                f"{self.gust_duration!r} s is longer than gust_interval",
+                "let a gust end before the next begins",
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; an infinite bound becomes None."""
@@ -155,14 +162,16 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
     pose_noise = noise.standard_normal((N, 6))
     while (outside := np.abs(pose_noise) > weather.noise_bound).any():
         pose_noise[outside] = noise.standard_normal(int(outside.sum()))
-    # Gust k lasts from k intervals on; the small shift keeps grid times on their own side.
-    number = np.floor((t + 1e-9) / weather.gust_interval).astype(int)
-    blowing = (number >= 1) & (
-        t + 1e-9 - number * weather.gust_interval < weather.gust_duration - 1e-9
-    )
+    # Gust k begins after k intervals. A control period holds its mean over the period, so that
+    # the impulse is the same at every control rate.
+    period = t[1] - t[0] if N > 1 else weather.gust_duration
+    number = np.floor((t + period - 1e-9) / weather.gust_interval).astype(int)
+    start = number * weather.gust_interval
+    overlap = np.minimum(t + period, start + weather.gust_duration) - np.maximum(t, start)
+    share = np.round(np.clip(overlap / period, 0.0, 1.0), 9) * (number >= 1)
     scale = np.repeat([weather.force_disturbance, weather.moment_disturbance], 3)
     draws = gusts.standard_normal((int(number.max(initial=0)) + 1, 6)) * scale
-    disturbance = np.where(blowing[:, None], draws[number], 0.0)
+    disturbance = draws[number] * share[:, None]
     return Forecast(
         pose_noise=pose_noise * sigma,
         disturbance=disturbance,

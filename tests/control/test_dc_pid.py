@@ -1,5 +1,7 @@
 """dc-PID: the compensation cancels the model, by both engines and both cuts of the loop."""
 
+import copy
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -123,11 +125,29 @@ def test_pid_does_not_know_the_arm_and_dc_pid_does():
     np.testing.assert_allclose(plain[3:], 0.0, atol=TOLERANCE)
 
 
+def test_a_copy_is_a_fresh_controller(rng):
+    vehicle = load_vehicle("fullam")
+    m, ref = random_measurement(vehicle, rng), random_reference(vehicle, rng)
+    controller = make_controller("dc-pid", vehicle)
+    expected = controller.wrench(0.0, m, ref).copy()
+    copied = copy.deepcopy(controller)
+    m.q[3:7], ref.pose[3:7] = (0, 0, 0, 1), (0, 0, 0, 1)
+    assert np.abs(copied.wrench(0.0, m, ref) - expected).max() > 1e-3
+    np.testing.assert_array_equal(
+        copy.deepcopy(controller).wrench(0.0, m, ref),
+        make_controller("dc-pid", vehicle).wrench(0.0, m, ref),
+    )
+
+
 def test_wrong_settings_name_the_field_and_the_choices():
     with pytest.raises(SettingsError, match=r"compensation.*desired_acceleration"):
         make_settings("dc-pid", {"compensation": "none"})
     with pytest.raises(SettingsError, match=r"no setting of it.*position_gains"):
         make_settings("dc-pid", {"position_gain": 1.0})
+    with pytest.raises(SettingsError, match=r"anticipate.*true or false"):
+        make_settings("dc-pid", {"anticipate": "False"})
+    with pytest.raises(SettingsError, match=r"DcPidSettings"):
+        fullam.simulate("task-1", "pid", settings=make_settings("dc-pid"))
     with pytest.raises(SettingsError, match=r"wrong type"):
         make_settings("dc-pid", {"anti_windup": "much"})
     with pytest.raises(SettingsError, match="attitude_gains"):

@@ -1,5 +1,7 @@
 """Anticipation takes known lags off a commanded motion, and leaves the rest alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,29 @@ def test_a_reference_at_rest_needs_nothing():
     table = tabulate(Step((0.0, 0.0, 0.0)), T, START)
     estimator = estimator_class("first-order")(0.01, 0.01, 18.0)
     assert not any(Anticipation.of(table, estimator, 0.035).moving)
+
+
+def test_late_and_slow_poses_are_anticipated_too():
+    """A commanded motion does not overshoot for the age of its poses, which is known."""
+    simulation = fullam.SimulationSettings(pose_period=0.02, delay=0.02)
+    for estimator in ("first-order", "truth"):
+        chosen = replace(simulation, estimator=estimator)
+        run = fullam.simulate("position-1", calm=True, simulation=chosen)
+        without = fullam.simulate(
+            "position-1", calm=True, simulation=chosen, settings={"anticipate": False}
+        )
+        assert fullam.measure(run).overshoot_percent < 1.0
+        assert fullam.measure(run).overshoot_percent < fullam.measure(without).overshoot_percent
+
+
+def test_jumps_that_are_left_in_are_not_anticipated():
+    raw = {"max_acceleration": None, "max_angular_acceleration": None}
+    scenario = fullam.Scenario(
+        "turn", reference=fullam.Step((0, 0, 1), (10, 0, 0), at=0.2), duration=1.0
+    )
+    a = fullam.simulate(scenario, calm=True, settings=raw)
+    b = fullam.simulate(scenario, calm=True, settings=raw | {"anticipate": False})
+    np.testing.assert_array_equal(a.pose, b.pose)
 
 
 def test_it_is_what_keeps_the_step_from_overshooting():

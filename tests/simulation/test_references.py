@@ -17,6 +17,7 @@ from fullam.simulation.references import (
 )
 
 T = np.arange(601) * 0.01
+START = pose_from_euler(np.array([0.0, 0.0, 1.0]), np.zeros(3))
 HOME = pose_from_euler(np.array([9.0, 9.0, 9.0]), np.radians([15.0, -20.0, 10.0]))
 
 
@@ -66,6 +67,36 @@ def test_a_blend_moves_as_its_derivatives_say():
     np.testing.assert_allclose(turn, blended.velocity[inner, 3:], atol=2e-3)
     curve = np.gradient(blended.velocity, T, axis=0)
     np.testing.assert_allclose(curve[inner], blended.acceleration[inner], atol=2e-2)
+
+
+@pytest.mark.parametrize("later", [0.2, 0.3, 0.4])
+def test_blends_that_overlap_stay_smooth(later):
+    """A second turn about another axis begins while the first is under way.
+
+    No row may turn more than the fastest rate allows, and rates and accelerations must be the
+    derivatives; tolerances as above, with third derivatives three times as large.
+    """
+    reference = Waypoints((0.0, later), ((0, 0, 1), (0.3, 0, 1)), ((0, 0, 60), (50, 0, 0)))
+    table = tabulate(reference, T, START)
+    blended = blend_jumps(table, START, 2.6, 8.0)
+    R = Rotation.from_quat(blended.pose[:, 3:])
+    steps = (R[1:] * R[:-1].inv()).magnitude()
+    assert steps.max() < 0.06
+    turn = (R[2:] * R[:-2].inv()).as_rotvec() / 0.02
+    np.testing.assert_allclose(turn, blended.velocity[1:-1, 3:], atol=2e-2)
+    # The acceleration of a profile jumps nowhere but its own derivative does at both ends.
+    curve = np.gradient(blended.velocity, T, axis=0)
+    np.testing.assert_allclose(curve[1:-1], blended.acceleration[1:-1], atol=0.3)
+    np.testing.assert_allclose(blended.pose[-1], table.pose[-1], atol=1e-9)
+
+
+def test_a_time_typed_in_decimals_falls_on_its_tick():
+    for rate in (60, 100, 120, 240):
+        t = np.arange(20 * rate) * (1.0 / rate)
+        for at in np.arange(1, 200) / 10:
+            table = tabulate(Step((1.0, 0.0, 0.0), at=at), t, START)
+            first = int(np.argmax(table.pose[:, 0] > 0.5))
+            assert first == int(np.ceil(at * rate - 1e-6)), (rate, at)
 
 
 def test_what_is_smooth_passes_unchanged():

@@ -1,12 +1,14 @@
 """The record: saves, loads, flies again bit for bit, and says what is wrong with a bad file."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import fullam
 from fullam.exceptions import Diverged, RunFileError, UnknownName
+from fullam.model.perturbation import Uncertainty, perturb
 from fullam.simulation.run import COLUMNS, Run
 from fullam.simulation.settings import SimulationSettings
 
@@ -50,6 +52,54 @@ def test_a_loaded_run_flies_again_bit_for_bit(run, tmp_path):
     assert same(run, Run.load(run.save(tmp_path / "run.npz")).refly())
 
 
+def test_a_changed_vehicle_flies_again_as_it_was_changed(tmp_path):
+    """A failed rotor and a drawn vehicle are in the record, not only the file they came from."""
+    vehicle = fullam.load_vehicle("fullam")
+    failed = replace(vehicle, rotors=vehicle.rotors.with_failed(0))
+    drawn = perturb(vehicle, Uncertainty(0.1), np.random.default_rng(3))
+    scenario = fullam.Scenario("hold", reference=fullam.Step((0.0, 0.0, 1.0)), duration=0.3)
+    nominal = fullam.simulate(scenario, calm=True)
+    for changed in (failed, drawn):
+        run = fullam.simulate(scenario, vehicle=changed, calm=True)
+        assert not same(run, nominal)
+        assert same(run, Run.load(run.save(tmp_path / "run.npz")).refly())
+
+
+def test_a_seed_may_be_numpys_and_must_be_a_whole_number():
+    scenario = fullam.Scenario("hold", duration=0.1)
+    assert fullam.simulate(scenario, seed=np.int64(3)).seed == 3
+    for seed in (None, -1, 0.5):
+        with pytest.raises(fullam.FullamError, match="seed"):
+            fullam.simulate(scenario, seed=seed)
+
+
+def test_the_residual_tells_what_nobody_controls():
+    """A quadrotor cannot push sideways; the record says what it was asked for and what it gave."""
+    run = fullam.simulate("quadrotor-arm", seed=1)
+    rotor_A = np.square(run.rotor_commands) @ run.vehicle.rotors.coupling_matrix.T
+    np.testing.assert_allclose(rotor_A[:, :2], 0.0, atol=1e-9)
+    asked = np.linalg.norm(run.command - run.delivered, axis=1)
+    np.testing.assert_allclose(asked, np.linalg.norm(run.residual, axis=1), atol=1e-9)
+    assert asked.max() > 0.1
+
+
+def test_damaged_files_are_refused(run, tmp_path, rng):
+    """Bits flipped anywhere: either the file still reads, or it is refused by name."""
+    path = run.save(tmp_path / "run.npz")
+    good = bytearray(path.read_bytes())
+    refused = 0
+    for place in rng.integers(0, len(good), 60):
+        bad = bytearray(good)
+        bad[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(bad)
+        try:
+            Run.load(path)
+        except RunFileError as error:
+            assert "run.npz" in str(error)
+            refused += 1
+    assert refused > 30
+
+
 def test_columns_agree_with_each_other(run):
     """Rotor wrench from speeds and true attitude; delivered is command plus residual."""
     np.testing.assert_allclose(run.t, np.arange(151) * 0.01)
@@ -80,6 +130,14 @@ def test_other_files_are_refused(run, tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(RunFileError, match="metadata"):
         Run.load(tmp_path / "other.npz")
+    np.savez(tmp_path / "list.npz", metadata=np.array("[1]"))
+    with pytest.raises(RunFileError, match="format"):
+        Run.load(tmp_path / "list.npz")
+    (tmp_path / "array.npz").write_bytes(b"")
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    (tmp_path / "array.npy").rename(tmp_path / "array.npz")
+    with pytest.raises(RunFileError, match="array"):
+        Run.load(tmp_path / "array.npz")
     np.savez(tmp_path / "old.npz", metadata=np.array(json.dumps({"format": "fullam-run-0"})))
     with pytest.raises(RunFileError, match="fullam-run-1"):
         Run.load(tmp_path / "old.npz")

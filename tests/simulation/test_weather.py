@@ -41,7 +41,17 @@ def test_a_gust_lasts_its_duration_at_any_rate():
     t = np.arange(3001) * 0.001
     gusts = forecast(replace(RECORDED, gust_duration=0.02), 2, t).disturbance
     assert gusts.any(axis=1).sum() == 20 + 20 + 1  # the third has just begun
-    assert np.all(gusts[1000:1020] == gusts[1000])
+    np.testing.assert_array_equal(gusts[1000], gusts[1019])
+    with pytest.raises(ScenarioError, match="gust_duration"):
+        replace(RECORDED, gust_duration=2.0)
+
+
+@pytest.mark.parametrize("period", [0.001, 0.01, 0.02, 0.03, 0.04])
+def test_the_impulse_of_a_gust_does_not_depend_on_the_control_rate(period):
+    t = np.arange(round(12.5 / period)) * period
+    impulse = np.cumsum(forecast(RECORDED, 2, t).disturbance, axis=0) * period
+    fine = np.cumsum(forecast(RECORDED, 2, T[:1250]).disturbance, axis=0) * 0.01
+    np.testing.assert_allclose(impulse[-1], fine[-1], atol=1e-6)
 
 
 def test_one_seed_one_weather_and_streams_of_their_own():
