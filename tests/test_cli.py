@@ -230,7 +230,7 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
         (["run", "task-1", "--controller", "lqr"], "Known: .*dc-pid"),
         (["run", "task-1", "--vehicle", "x"], "Known: .*hextilt"),
         (["run", "task-1", "--weather", "x"], "Known: calm"),
-        (["run", "task-1", "--estimator", "x"], "Known: first-order"),
+        (["run", "task-1", "--estimator", "x"], "Known: .*first-order"),
         (["run", "task-1", "--calm", "--weather", "paper"], "give one of the two"),
         (["run", "task-1", "--seed", "-1"], "give 0 or more"),
         (["run", "task-1", "--seed", "x"], "invalid int"),
