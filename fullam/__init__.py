@@ -39,8 +39,8 @@ from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 from fullam.viz.viewer import explore, view
 
-# The record knows nothing of pictures: what one sees imports what happens, not the reverse.
-Run.view = view  # type: ignore[attr-defined]
+# Vehicles and records know nothing of pictures: what one sees imports what is, not the reverse.
+Run.view = Vehicle.view = view  # type: ignore[attr-defined]
 
 __all__ = [
     "Allocation",

@@ -267,7 +267,7 @@ class Scene:
         low, high = places.min(axis=0), places.max(axis=0)
         centre = 0.5 * (low + high) + np.array([0.0, 0.0, 0.02 * size])
         # Side by side they fill the width of the picture, which has room to spare.
-        apart = 0.28 * float(np.linalg.norm(np.ptp([v.offset for v in self.vehicles], axis=0)))
+        apart = 0.2 * float(np.linalg.norm(np.ptp([v.offset for v in self.vehicles], axis=0)))
         radius = apart + min(0.5 * float(np.linalg.norm(high - low)), 2.0 * size) + 1.4 * size
         floor = np.floor(2.0 * (low[2] - 2.0 * size)) / 2.0
         self._view = {
