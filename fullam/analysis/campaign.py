@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib.util
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,23 +22,34 @@ from fullam.analysis.metrics import measure
 from fullam.analysis.response import coordinates
 from fullam.control.controller import make_settings
 from fullam.control.estimator import estimator_class
-from fullam.exceptions import CampaignError, FullamError
+from fullam.exceptions import (
+    CampaignError,
+    FullamError,
+    MissingDependency,
+    SettingsError,
+    UnknownName,
+    VehicleError,
+)
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import prepare, simulate
+from fullam.simulation.simulate import ENGINES, prepare, simulate
 from fullam.simulation.weather import Weather
 from fullam.simulation.weather import weather as named_weather
 
 if TYPE_CHECKING:
     from fullam.analysis.campaign_store import CampaignTable, Key
+    from fullam.simulation.flight_plan import FlightPlan
 
 BATCH = 8
 """Flights in a task: about a second and a half of work against 3 ms of scheduling."""
 
 TRACE_PERIOD = 0.04
 """Time between kept samples of a motion [s]; the motion itself is below 5 Hz."""
+
+FASTEST = "fastest"
+"""Stands for the fastest engine that covers a flight."""
 
 Progress = Callable[[int, int], None]
 """Called with (rows kept, rows in all)."""
@@ -98,7 +110,8 @@ class Campaign:
         seeds: Seeds of the weather.
         weather: A weather or its name; None takes each scenario's own.
         simulation: Rates, integrator, sensors.
-        engine: Which engine flies.
+        engine: Which engine flies; `FASTEST` takes, contender by contender, the compiled engine
+            where that is installed and covers what is flown, and the reference engine elsewhere.
         traces: Keep each motion, every `TRACE_PERIOD`.
     """
 
@@ -140,9 +153,23 @@ class Campaign:
                 raise CampaignError(
                     "campaign", what, f"are {names}", "give at least one, each of them once"
                 )
-        for scenario in scenarios:
-            for contender in contenders:
-                self._fly_arguments(scenario, contender, seeds[0], prepare)
+        if self.engine not in (*ENGINES, FASTEST):
+            raise UnknownName("engine", self.engine, (*ENGINES, FASTEST))
+        plans = {
+            c.label: [self._fly_arguments(s, c, seeds[0], prepare) for s in scenarios]
+            for c in contenders
+        }
+        engines = {
+            label: self.engine if self.engine != FASTEST else fastest_engine(those)
+            for label, those in plans.items()
+        }
+        object.__setattr__(self, "_engines", engines)
+
+    @property
+    def engines(self) -> dict[str, str]:
+        """Engine that flies each contender, by its label."""
+        engines: dict[str, str] = self._engines  # type: ignore[attr-defined]
+        return engines
 
     def _fly_arguments(
         self, scenario: Scenario, contender: Contender, seed: int, call: Callable[..., Any]
@@ -188,7 +215,7 @@ class Campaign:
             ],
             "weather": None if self.weather is None else self.weather.to_dict(),
             "simulation": self.simulation.to_dict(),
-            "engine": self.engine,
+            "engines": self.engines,
             "traces": TRACE_PERIOD if self.traces else None,
             "version": fullam.__version__,
             "code": code_digest(),
@@ -206,9 +233,11 @@ class Campaign:
             "estimator": contender.estimator or self.simulation.estimator,
             "seed": seed,
         }
-        flight = functools.partial(simulate, engine=self.engine, throw=False)
+        flight = functools.partial(simulate, engine=self.engines[label], throw=False)
         try:
             run = self._fly_arguments(scenario, contender, seed, flight)
+        except MissingDependency:
+            raise
         except (FullamError, np.linalg.LinAlgError) as error:
             # The cell was prepared before, so this is the flight's end and not a wrong name.
             return row | {"outcome": "failed", "reason": str(error)}
@@ -217,6 +246,20 @@ class Campaign:
             stride = max(1, round(TRACE_PERIOD / self.simulation.control_period))
             row["trace"] = coordinates(run.pose)[::stride].ravel().astype(np.float32).tolist()
         return row | flatten_metrics(run, _vehicle(scenario.vehicle))
+
+
+def fastest_engine(plans: Iterable[FlightPlan]) -> str:
+    """The compiled engine if it is installed and covers all these flights, else the reference."""
+    if importlib.util.find_spec("numba") is None:
+        return "reference"
+    from fullam.simulation.compiled.arrays import check
+
+    try:
+        for plan in plans:
+            check(plan)
+    except (SettingsError, VehicleError):
+        return "reference"
+    return "compiled"
 
 
 def flatten_metrics(run: Any, vehicle: Vehicle) -> dict[str, Any]:

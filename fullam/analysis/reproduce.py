@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fullam.analysis import recorded
-from fullam.analysis.campaign import Campaign, Contender, sweep
+from fullam.analysis.campaign import FASTEST, Campaign, Contender, sweep
 from fullam.analysis.claims import (
     CLAIMS,
     QUADROTOR,
@@ -59,21 +59,24 @@ class Condition:
     Attributes:
         key: Short name.
         title: Name in the report.
+        short: What a sentence calls it.
         weather: The weather.
         option: What selects it in `fullam sweep`.
     """
 
     key: str
     title: str
+    short: str
     weather: Weather
     option: str = ""
 
 
 CONDITIONS = (
-    Condition("paper", "noise, ±10 %, gusts", PAPER),
+    Condition("paper", "noise, ±10 %, gusts", "with gusts", PAPER),
     Condition(
         "still",
         "noise, ±10 %, no gusts",
+        "without gusts",
         replace(PAPER, force_disturbance=0.0, moment_disturbance=0.0),
         " --no-gusts",
     ),
@@ -166,7 +169,7 @@ def reproduce(
     quick: bool = False,
     jobs: int = 1,
     scheduler: str | None = None,
-    engine: str = "reference",
+    engine: str = FASTEST,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Fly and judge everything; keeps rows in `folder`/data.

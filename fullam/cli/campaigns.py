@@ -22,6 +22,9 @@ SCHEDULER = argument(
     "--scheduler", metavar="ADDRESS", help="a running dask scheduler, instead of a local cluster"
 )
 ENGINE = argument("--engine", default="reference", metavar="NAME", help="engine that flies")
+ANY_ENGINE = argument(
+    "--engine", default="fastest", metavar="NAME", help="default: the fastest that covers a flight"
+)
 
 SUMMARY = (
     ("lost", "outcome", 0),
@@ -69,7 +72,7 @@ def settings_path(text: str) -> Path:
     argument("--overwrite", action="store_true", help="forget what FILE holds"),
     JOBS,
     SCHEDULER,
-    ENGINE,
+    ANY_ENGINE,
     options.JSON,
 )
 def sweep(arguments: argparse.Namespace) -> int:
@@ -207,7 +210,7 @@ def tune(arguments: argparse.Namespace) -> int:
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
     JOBS,
     SCHEDULER,
-    ENGINE,
+    ANY_ENGINE,
 )
 def reproduce(arguments: argparse.Namespace) -> int:
     """Fly the whole paper again and write the report.

@@ -37,12 +37,16 @@ Series = Sequence[tuple[str, str]]
 
 def figure_configurations(vehicle: Vehicle, poses_deg: Mapping[int, Sequence[float]]) -> Figure:
     """Fig. 3: the vehicle in some arm configurations, rotors as discs, the arm as a line."""
-    figure = style.new_figure(style.FULL_PAGE, 2.5)
-    for column, (number, pose) in enumerate(poses_deg.items(), start=1):
-        ax: Any = figure.add_subplot(1, len(poses_deg), column, projection="3d")
+    figure = style.new_figure(style.FULL_PAGE, 2.0)
+    # Three-dimensional axes leave room that no layout engine can take away.
+    figure.set_layout_engine("none")
+    share = 1.0 / len(poses_deg)
+    for column, (number, pose) in enumerate(poses_deg.items()):
+        ax: Any = figure.add_axes((column * share, -0.08, share, 0.98), projection="3d")
         _draw_vehicle(ax, vehicle, np.radians(np.array(pose)))
         angles = ", ".join(f"{angle:g}" for angle in pose)
-        ax.set_title(f"{number}:  ({angles})°", fontsize=style.TEXT, pad=-4.0)
+        text = f"{number}:  ({angles})°"
+        figure.text((column + 0.5) * share, 0.91, text, ha="center", fontsize=style.TEXT)
     return figure
 
 
@@ -92,9 +96,9 @@ def figure_task(table: CampaignTable, scenario: str, series: Series) -> Figure:
                 _draw_band(grid[i // 3, i % 3], t, error[:, :, i], style.PALETTE[k], title)
     for i in range(6):
         ax = grid[i // 3, i % 3]
-        _zero(ax)
         style.label(ax, f"{NAMES[i]} [{'mm' if i < 3 else 'deg'}]")
         if axes[i]:
+            _zero(ax)
             _focus(ax, 4.0 if i < 3 else 0.5)
         else:
             ax.text(
@@ -186,12 +190,15 @@ def _focus(ax: Axes, smallest: float) -> None:
 
 
 def _draw_vehicle(ax: Any, vehicle: Vehicle, theta: Array) -> None:
+    """Rotors as discs with their thrust axes, the arm as a chain of joints."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
     model, data = vehicle.model, vehicle.create_data()
     pin.framesForwardKinematics(model, data, vehicle.neutral(theta))
     rotors = vehicle.rotors
     around = np.linspace(0.0, 2.0 * np.pi, 40)
     gaps = np.linalg.norm(rotors.positions - np.roll(rotors.positions, 1, axis=0), axis=1)
-    radius = 0.45 * float(np.min(gaps))
+    radius = 0.36 * float(np.min(gaps))
     for position, axis, spin in zip(rotors.positions, rotors.axes, rotors.spins, strict=True):
         side = np.cross(axis, (0.0, 0.0, 1.0) if abs(axis[2]) < 0.9 else (1.0, 0.0, 0.0))
         side /= np.linalg.norm(side)
@@ -199,18 +206,24 @@ def _draw_vehicle(ax: Any, vehicle: Vehicle, theta: Array) -> None:
             np.outer(np.cos(around), side) + np.outer(np.sin(around), np.cross(axis, side))
         )
         color = style.BLUE if spin > 0 else style.VERMILION
-        ax.plot(*rim.T, color=color, linewidth=0.9)
-        ax.plot(*np.array([[0.0, 0.0, 0.0], position]).T, color=style.GREY, linewidth=0.8)
-        ax.plot(*np.array([position, position + 0.12 * axis]).T, color=color, linewidth=1.0)
+        disc = Poly3DCollection([rim], facecolor=color, edgecolor=color, alpha=0.25, linewidth=0.8)
+        disc.set_clip_on(False)
+        ax.add_collection3d(disc)
+        _line(ax, [np.zeros(3), position], style.GREY, 0.9)
+        _line(ax, [position, position + 0.1 * axis], color, 1.0)
     joints = [model.getJointId(name) for name in vehicle.arm_joints]
-    points = [np.zeros(3), *(data.oMi[j].translation for j in joints)]
-    points.append(data.oMf[model.getFrameId(vehicle.tool)].translation)
-    arm = np.array(points)
-    ax.plot(*arm.T, color=style.BLACK, linewidth=2.4, solid_capstyle="round")
-    ax.plot(*arm[1:-1].T, "o", color="white", markeredgecolor=style.BLACK, markersize=3.4)
-    ax.plot(*arm[-1:].T, "o", color=style.GREEN, markersize=4.0)
-    reach = 0.62
-    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-0.62, 0.3))
-    ax.set_box_aspect((2 * reach, 2 * reach, 0.92), zoom=1.55)
-    ax.view_init(elev=16.0, azim=-62.0)
+    arm = [np.zeros(3), *(data.oMi[j].translation for j in joints)]
+    arm.append(data.oMf[model.getFrameId(vehicle.tool)].translation)
+    _line(ax, arm, style.BLACK, 2.6)
+    _line(ax, arm[1:-1], style.BLACK, 0.0, marker="o", markerfacecolor="white", markersize=3.6)
+    _line(ax, arm[-1:], style.GREEN, 0.0, marker="o", markersize=4.5)
+    reach = 0.5
+    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-0.62, 0.16))
+    ax.set_box_aspect((2 * reach, 2 * reach, 0.78), zoom=1.36)
+    ax.view_init(elev=20.0, azim=-68.0)
     ax.set_axis_off()
+    ax.patch.set_visible(False)
+
+
+def _line(ax: Any, points: Sequence[Array], color: str, width: float, **options: Any) -> None:
+    ax.plot(*np.array(points).T, color=color, linewidth=width, clip_on=False, **options)

@@ -164,7 +164,7 @@ intervals.</p>
 <nav><a href="#claims">Claims</a><a href="#rival">dc-PID against Backstepping</a>
 <a href="#targets">Beyond the paper</a><a href="#recorded">The group’s recorded runs</a>
 <a href="#figures">Figures</a><a href="#how">How this was measured</a></nav>
-{quick}{_tally(result)}
+{quick}{_tally(result)}{_plainly(result)}
 <h2 id="claims">The paper’s claims</h2>
 <p>A claim <i>holds</i> or <i>fails</i> only if the whole interval is on one side of what is asked,
 and is <i>undecided</i> otherwise. Bounds are judged in the worst of their scenarios, which is
@@ -208,6 +208,36 @@ def _tally(result: Reproduction) -> str:
     return f'<div class="tally">{boxes}</div>'
 
 
+def _plainly(result: Reproduction) -> str:
+    """What fails, and what holds only under a condition, in sentences."""
+    lines = []
+    titles = {condition.key: condition.short for condition in CONDITIONS}
+    for entry in result.judged:
+        for claim in CLAIMS:
+            verdicts = {
+                key: result.findings[claim.key, entry.contender.label, key].verdict
+                for key in titles
+                if (claim.key, entry.contender.label, key) in result.findings
+            }
+            failing = [titles[key] for key, verdict in verdicts.items() if verdict == FAILS]
+            if not failing:
+                continue
+            holding = [titles[key] for key, verdict in verdicts.items() if verdict == HOLDS]
+            text = f"<b>{escape(entry.title)}</b>: “{escape(claim.says)}” fails"
+            if len(failing) == len(verdicts):
+                text += " with and without gusts"
+            else:
+                text += f" {escape(failing[0])}"
+                if holding:
+                    text += f", and holds {escape(holding[0])}"
+            lines.append(f"<li>{text}.</li>")
+    if not lines:
+        return ""
+    return (
+        f"<details open><summary>What fails, plainly</summary><ul>{''.join(lines)}</ul></details>"
+    )
+
+
 def _recorded_text(result: Reproduction) -> str:
     seeds = 2 if result.quick else RECORDED_SEEDS
     return f"""<p>Seven runs that the same group published in 2018 are the only data of this vehicle
@@ -218,8 +248,8 @@ factor 1.5, settling within 0.2 s.</p>
 condition: each command stands for two samples, so the controller ran at 50 Hz and its filter at
 9/s; the noise of the command agrees only then. The stated gusts leave no trace in the motion
 (with them the attitude would err three times as much as recorded). Accelerations follow the
-command without any rotor lag. The first column of ours is flown like that, the others as
-stated.</p>
+command without any rotor lag, in the commanded direction whatever the measured attitude. The
+verdicts are those of the flights that the data show; as stated is flown beside them.</p>
 <p>Their integral gain of 0.001 leaves a model error standing. <b>A weight error of
 {100 * WEIGHT_ERROR:.1f} % explains their z offset in both runs at once</b> (kp 6.6 and 9.6), and a
 centre of mass {1e3 * MASS_OFFSET:.2f} mm off explains that of ψ; both are put into the true vehicle

@@ -153,6 +153,8 @@ def test_mistakes_are_found_before_anything_flies():
         small(contenders=("pid", Contender("pid")))
     with pytest.raises(UnknownName):
         small(weather="stormy")
+    with pytest.raises(UnknownName):
+        small(engine="steam")
 
 
 def test_an_estimator_of_its_own_shows_in_the_row(tmp_path):
@@ -167,3 +169,15 @@ def test_a_worker_with_other_code_is_refused():
     assert len(fly_batch(campaign, campaign.keys[:1], code_digest())) == 1
     with pytest.raises(CampaignError, match="one version"):
         fly_batch(campaign, campaign.keys[:1], "0" * 16)
+
+
+def test_the_fastest_engine_is_chosen_contender_by_contender(tmp_path):
+    pytest.importorskip("numba", reason="the extra 'fast' is not installed")
+    campaign = small([0], contenders=("dc-pid", "dc-pid@kalman"), engine="fastest")
+    assert campaign.engines == {"dc-pid": "compiled", "dc-pid@kalman": "reference"}
+    table = sweep(campaign, tmp_path / "sweep.parquet")
+    slow = sweep(small([0], contenders=("dc-pid", "dc-pid@kalman")), tmp_path / "slow.parquet")
+    # The engines agree to rounding, which feedback keeps from growing.
+    assert np.allclose(
+        table.column("rms_position_mm"), slow.column("rms_position_mm"), rtol=1e-6, atol=0.0
+    )

@@ -1,0 +1,124 @@
+"""The whole report on short flights: complete, self-contained, judged as the rows say."""
+
+import re
+from dataclasses import replace
+from html import escape
+
+import pytest
+
+pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
+
+from fullam.analysis import recorded, reproduce
+from fullam.analysis.claims import CLAIMS, SCENARIOS, TARGETS, Proof
+from fullam.analysis.evidence import judge
+from fullam.analysis.recorded import PUBLISHED, READINGS
+from fullam.analysis.reproduce import CONDITIONS, command
+from fullam.simulation.scenario import load_scenario
+from fullam.viz.report import write_report
+from fullam.viz.report_tables import number
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """(folder, result): flights of 1.2 s, and the recorded figures in the place of ours."""
+    folder = tmp_path_factory.mktemp("report")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            reproduce, "load_scenario", lambda name: replace(load_scenario(name), duration=1.2)
+        )
+        patch.setattr(recorded, "compare", lambda task, reading, seeds: (PUBLISHED[task.name], []))
+        result = reproduce.reproduce(folder, runs=2, engine="reference")
+        # What was flown is kept: a second call flies nothing and says the same.
+        patch.setattr(reproduce.Campaign, "fly", None)
+        again = reproduce.reproduce(folder, runs=2, engine="reference")
+    # As text, because a difference without a single complete pair is NaN.
+    assert repr(again.findings) == repr(result.findings)
+    write_report(result, folder)
+    return folder, result
+
+
+def test_every_claim_is_judged_for_every_contender_in_both_weathers(flown):
+    _, result = flown
+    labels = [entry.contender.label for entry in result.judged]
+    assert len(labels) == 2
+    for claim in (*CLAIMS, *TARGETS):
+        if not isinstance(claim.test, Proof):
+            for label in labels:
+                for condition in CONDITIONS:
+                    assert (claim.key, label, condition.key) in result.findings
+
+
+def test_a_verdict_on_the_page_is_the_one_of_the_rows(flown):
+    folder, result = flown
+    claim = CLAIMS[0]
+    label = result.judged[0].contender.label
+    finding = judge(claim, result.tables["paper"], label, {})
+    assert result.findings[claim.key, label, "paper"] == finding
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    row = page[page.index(claim.says, page.index('id="claims"')) :]
+    first = re.search(r'class="chip (\w+)"', row)
+    assert first is not None
+    assert first.group(1) == finding.verdict
+
+
+def test_the_page_stands_alone(flown):
+    folder, _ = flown
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    for attribute in re.findall(r'(?:src|href)="([^"]*)"', page):
+        assert attribute.startswith(("data:", "#")), attribute
+    assert "<script" not in page
+    assert "@import" not in page
+    assert "url(" not in page
+    for anchor in re.findall(r'href="#([^"]*)"', page):
+        assert f'id="{anchor}"' in page
+
+
+def test_every_claim_and_target_is_on_the_page_with_its_command(flown):
+    folder, result = flown
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    for claim in (*CLAIMS, *TARGETS):
+        assert escape(claim.says) in page
+        assert escape(command(claim, result.judged[0], CONDITIONS[0], 2)) in page
+
+
+def test_every_figure_is_a_file_in_two_formats(flown):
+    folder, _ = flown
+    names = {path.stem for path in (folder / "figures").glob("*.svg")}
+    assert names == {path.stem for path in (folder / "figures").glob("*.png")}
+    for number_ in (3, 4, 5, 6, 7, 9):
+        assert any(name.startswith(f"fig{number_}-") for name in names)
+
+
+def test_the_rows_lie_beside_the_page(flown):
+    folder, result = flown
+    files = list((folder / "data").glob("*.parquet"))
+    assert len(files) == 2 * len(CONDITIONS)
+    assert len(result.tables["paper"]) == len(SCENARIOS) * len(result.entries) * 2
+    assert len({str(c) for c in result.tables["paper"].column("contender")}) == 3
+
+
+def test_a_handful_of_seeds_is_called_a_quick_look(flown):
+    folder, _ = flown
+    assert "A quick look" in (folder / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_recorded_runs_stand_beside_every_reading(flown):
+    _, result = flown
+    for row in result.recorded:
+        assert set(row.ours) == set(READINGS)
+        assert row.published is PUBLISHED[row.task.name]
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (1.234, "s", "1.23"),
+        (-12.34, "mm", "−12.3"),
+        (0.0123, "deg", "0.012"),
+        (123.4, "mm", "123"),
+        (float("inf"), "s", "never"),
+        (float("nan"), "s", "–"),
+    ],
+)
+def test_numbers_have_three_digits(value, unit, text):
+    assert number(value, unit) == text
