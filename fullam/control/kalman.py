@@ -40,11 +40,13 @@ Array = NDArray[np.float64]
 LEAST_POSE_NOISE = (1e-4, 1e-4)
 """Noise that a pose is credited with at least [m, rad]: exact poses would make S singular."""
 
-SAMPLING_NOISE = (0.001, 0.03)
+SAMPLING_NOISE = (0.0005, 0.01)
 """What the trapezoid over two readings misses of the mean between them [rad/s, m/s^2].
 
-The readings are taken once a control period, and a gust or a rotor's answer is quicker than that.
-Added in squares to the sensors' own noise, it also keeps the filter awake when they have none."""
+The readings are taken once a control period, and the rotors' answer is quicker than that. Added in
+squares to the sensors' own noise, it also keeps the filter awake when they have none. It does not
+cover a gust of one period, whose impulse the trapezoid spreads over two: in the period after it
+the velocity is off by half the impulse, and then right again."""
 
 INITIAL_SPEED = 0.01
 """Standard deviation of the velocity at the start, which is from rest [m/s]."""

@@ -19,7 +19,10 @@ nearly independent."""
 
 
 def nees(plan, estimator=None):
-    """e^T P^-1 e of a flight, every `EVERY` rows from the first second on."""
+    """e^T P^-1 e of a flight, every `EVERY` rows from the first second on.
+
+    No sample falls on the one period in which a gust, once a second, is half integrated.
+    """
     flight, model, values = Flight(plan), pose_model(), []
     if estimator is not None:
         flight.estimator = estimator
