@@ -55,7 +55,7 @@ const fullam = (() => {
     element("labels").replaceChildren();
     element("readouts").replaceChildren();
     for (const vehicle of scene.vehicles) {
-      for (const spec of vehicle.shapes) add_shape(spec);
+      for (const specs of Shapes.groups(vehicle.shapes)) add_shapes(specs);
       vehicle.labelled = Object.assign(document.createElement("div"),
         { textContent: vehicle.label });
       vehicle.labelled.style.color = vehicle.colour;
@@ -77,11 +77,10 @@ const fullam = (() => {
     viewer.set_dirty();
   }
 
-  function add_shape(spec) {
-    const path = names(spec.path);
-    viewer.set_object(path, Shapes.shape(spec));
-    const node = viewer.scene_tree.find(path).object;
-    if (spec.pose) move(node, spec.pose, 0);
+  function add_shapes(specs) {
+    const path = names(specs[0].path), alone = specs.length === 1;
+    viewer.set_object(path, Shapes.shape(specs[0], alone ? undefined : Shapes.merged(specs)));
+    if (alone && specs[0].pose) move(viewer.scene_tree.find(path).object, specs[0].pose, 0);
   }
 
   function move(node, values, at) {

@@ -36,10 +36,10 @@ const Shapes = (() => {
     if (spec.type === "sphere") return new THREE.SphereGeometry(spec.radius, 32, 20);
     if (spec.type === "cylinder" || spec.type === "cone") {
       const top = spec.type === "cone" ? 0 : spec.radius;
-      const sides = spec.radius > 0.05 ? 48 : 16;
+      const sides = spec.radius > 0.05 ? 40 : 14;
       return new THREE.CylinderGeometry(top, spec.radius, spec.length, sides).rotateX(Math.PI / 2);
     }
-    if (spec.type === "torus") return new THREE.TorusGeometry(spec.radius, spec.tube, 6, 48);
+    if (spec.type === "torus") return new THREE.TorusGeometry(spec.radius, spec.tube, 3, 40);
     if (spec.type === "mesh") {
       const mesh = new THREE.BufferGeometry();
       mesh.setAttribute("position", new THREE.BufferAttribute(floats(spec.vertices), 3));
@@ -50,8 +50,52 @@ const Shapes = (() => {
     throw new Error(`unknown shape ${spec.type}`);
   }
 
-  function shape(spec) {
-    const mesh = dress(new THREE.Mesh(geometry(spec)), spec);
+  // One geometry of several that stand still against each other: fewer things to draw.
+  function merged(specs) {
+    const parts = specs.map((spec) => {
+      const part = geometry(spec), place = new THREE.Matrix4();
+      const [x, y, z, ...q] = spec.pose ?? [0, 0, 0, 0, 0, 0, 1];
+      place.compose(new THREE.Vector3(x, y, z), new THREE.Quaternion(...q).normalize(),
+        new THREE.Vector3(1, 1, 1));
+      return part.applyMatrix4(place);
+    });
+    const whole = new THREE.BufferGeometry();
+    for (const name of ["position", "normal"]) {
+      const size = parts.reduce((sum, part) => sum + part.attributes[name].array.length, 0);
+      const numbers = new Float32Array(size);
+      let at = 0;
+      for (const part of parts) {
+        numbers.set(part.attributes[name].array, at);
+        at += part.attributes[name].array.length;
+      }
+      whole.setAttribute(name, new THREE.BufferAttribute(numbers, 3));
+    }
+    const faces = [];
+    let first = 0;
+    for (const part of parts) {
+      for (const vertex of part.index.array) faces.push(first + vertex);
+      first += part.attributes.position.count;
+      part.dispose();
+    }
+    whole.setIndex(faces);
+    return whole;
+  }
+
+  // What shapes may be merged: those of one parent and one look, without children of their own.
+  function groups(specs) {
+    const parents = new Set(specs.map(({ path }) => path.slice(0, path.lastIndexOf("/"))));
+    const found = new Map();
+    specs.forEach((spec, k) => {
+      const parent = spec.path.slice(0, spec.path.lastIndexOf("/"));
+      const alone = parents.has(spec.path) ? k : "";
+      const look = [parent, spec.colour, spec.opacity ?? 1, spec.type === "mesh", alone].join();
+      found.set(look, [...(found.get(look) ?? []), spec]);
+    });
+    return [...found.values()];
+  }
+
+  function shape(spec, whole = geometry(spec)) {
+    const mesh = dress(new THREE.Mesh(whole), spec);
     mesh.castShadow = (spec.opacity ?? 1) > 0.3;
     mesh.receiveShadow = mesh.castShadow;
     return mesh;
@@ -191,5 +235,5 @@ const Shapes = (() => {
     };
   }
 
-  return { Arrow, Trail, shape, ground, colours, floats, fineness };
+  return { Arrow, Trail, shape, merged, groups, ground, colours, floats, fineness };
 })();
