@@ -146,6 +146,14 @@ def test_what_cannot_be_filmed_is_refused(run, options):
         film([run, run], **options)
 
 
+def test_a_flight_that_ended_nowhere_is_shown_up_to_there(run):
+    columns = {name: column.copy() for name, column in run.columns.items()}
+    columns["pose"][-1] = np.nan
+    movie = film(fullam.Run(columns, run.metadata), rate=20.0)
+    json.dumps(movie.scene, allow_nan=False)
+    assert np.all(np.isfinite(movie.frames[:-1]))
+
+
 def test_no_record_is_refused():
     with pytest.raises(InvalidInput):
         film([])

@@ -264,6 +264,8 @@ class Scene:
         self.vehicles = tuple(vehicles)
         self.width = 1 + sum(vehicle.width for vehicle in self.vehicles)
         size = max(shapes.reach(vehicle.vehicle) for vehicle in self.vehicles)
+        # A flight that diverged may end in places that are none.
+        places = places[np.all(np.isfinite(places), axis=1)]
         low, high = places.min(axis=0), places.max(axis=0)
         centre = 0.5 * (low + high) + np.array([0.0, 0.0, 0.02 * size])
         # Side by side they fill the width of the picture, which has room to spare.
