@@ -58,7 +58,7 @@ def make_run(vehicle):
         metadata = {
             "scenario": scenario.to_dict(),
             "weather": weather.to_dict(),
-            "vehicle": {"definition": vehicle.definition, "urdf": vehicle.urdf},
+            "vehicle": vehicle.to_data(),
             "controller": "none",
             "seed": 0,
             "outcome": outcome,
