@@ -253,6 +253,7 @@ class Allocator:
             max(SATURATION_TOLERANCE, 10.0 * float(regularization) / weakest**2) ** 2
         )
         self._K, self._k = self._box.gain, self._box.offset
+        self._has_offset = bool(self._k.any())
         self._ladder = method == "ladder"
         self.squared: Array = np.zeros(rotors.count)
         self.rung: Method = "exact"
@@ -280,12 +281,13 @@ class Allocator:
         `rung` and `saturated` tell the rest; no array is made when the wrench is within reach.
         wrench_A must be an array of six floats. Raises as `solve`.
         """
-        if not all(map(isfinite, wrench_A.tolist())):
+        if not isfinite(sum(wrench_A.tolist())):
             self.counters.refused += 1
             raise NonFiniteWrench(wrench_A)
         if self._ladder:
             u = self._K.dot(wrench_A, self.squared)
-            u += self._k
+            if self._has_offset:
+                u += self._k
             if u[u.argmin()] >= 0.0 and u[u.argmax()] <= 1.0:
                 self.counters.exact += 1
                 self.rung = "exact"

@@ -149,8 +149,18 @@ class DcPid(PidBase):
         self._paper = PaperModel(vehicle) if self.settings.model == "newton-euler" else None
         self._previous = self.settings.compensation == "previous_wrench"
         self._at_hand_A: Array | None = None
-        self._a_A: Array = np.zeros(6)
+        self._at_root = not self._previous and self._paper is None
+        engine = self._joint_one
+        self._a_A: Array = engine.a[:6]  # u_pid goes straight into the input of RNEA
+        self._a_A_rows = self._a_A.reshape(2, 3)
+        self._root_A: Array = engine.data.tau[:6]
+        self._root_A_rows = self._root_A.reshape(2, 3)
         self._u_dc_A: Array = np.zeros(6)
+        self._u_dc_A_rows = self._u_dc_A.reshape(2, 3)
+        self._u_pid_rows, self._u_dc_rows = self.u_pid.reshape(2, 3), self.u_dc.reshape(2, 3)
+        self._wrench_rows = self._wrench.reshape(2, 3)
+        self._R_AW = self.law.rotation.T
+        self._inertial_A: Array = np.zeros(6)
 
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
         """Empty the integrator and forget the wrench applied last."""
@@ -159,8 +169,10 @@ class DcPid(PidBase):
 
     def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
         """Wrench u of eq. (26), world axes at the origin of {A}; see `Controller.wrench`."""
-        a_W = self.law.acceleration(measurement, reference, self.u_pid)
-        R, u, a_A = self.law.rotation, self._wrench, self._a_A
+        self.law.acceleration(measurement, reference, self.u_pid)
+        if self._at_root:
+            return self._root_wrench(measurement)
+        a_W, R, u, a_A = self.u_pid, self.law.rotation, self._wrench, self._a_A
         platform = self._joint_one.platform
         if self._at_hand_A is not None:
             # The wrench applied last, with this period's u_pid in the place of the last one's.
@@ -183,6 +195,27 @@ class DcPid(PidBase):
             self._at_hand_A = np.dot(u.reshape(2, 3), R).ravel()
         return u
 
+    def _root_wrench(self, m: Measurement) -> Array:
+        """Wrench u of eq. (26) as the root's generalised force: the same sum, read at its end.
+
+        RNEA adds the platform's own share to the arm's on its way to the root, so blkdiag(m_A 1,
+        I_A) u_pid + u_dc is what it leaves in `tau[:6]`, and u_dc the difference of the two.
+        `JointOneCompensation` reads u_dc at joint 1, as eq. (20) has it; a test holds the one to
+        the other.
+        """
+        engine, R, u_dc_A = self._joint_one, self.law.rotation, self._u_dc_A
+        self._u_pid_rows.dot(R, self._a_A_rows)
+        engine.v[3:] = m.v[3:]
+        engine.a[6:] = m.arm_acceleration
+        pin.rnea(engine.model, engine.data, m.q, engine.v, engine.a)
+        engine.platform.dot(self._a_A, self._inertial_A)
+        np.subtract(self._root_A, self._inertial_A, u_dc_A)
+        self._root_A_rows.dot(self._R_AW, self._wrench_rows)
+        self._u_dc_A_rows.dot(self._R_AW, self._u_dc_rows)
+        if self._bounded:
+            self._bound()
+        return self._wrench
+
     def delivered(self, wrench_W: Array) -> None:
         """Anti-windup, and the wrench that "previous_wrench" will solve eq. (21) with."""
         super().delivered(wrench_W)
@@ -198,12 +231,14 @@ class DcPid(PidBase):
         engine.v[3:] = m.v[3:]
         engine.a[6:] = m.arm_acceleration
         if self._at_hand_A is None:
-            engine.a[:6] = self._a_A
-        else:
-            engine.a[:6] = self._multibody.base_acceleration(
-                engine.q, engine.v, m.arm_acceleration, self._at_hand_A
-            )
-        return engine.wrench(self.law.rotation, self._u_dc_A)
+            return engine.wrench(self.law.rotation, self._u_dc_A)
+        wanted = self._a_A.copy()
+        self._a_A[:] = self._multibody.base_acceleration(
+            engine.q, engine.v, m.arm_acceleration, self._at_hand_A
+        )
+        u_dc_A = engine.wrench(self.law.rotation, self._u_dc_A)
+        self._a_A[:] = wanted
+        return u_dc_A
 
     def _paper_compensation(self, paper: PaperModel, m: Measurement) -> Array:
         """u_dc in {A} axes by the paper's matrix system, eqs. (20)-(25)."""

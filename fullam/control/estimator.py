@@ -193,6 +193,7 @@ class FirstOrder(Estimator):
         """Set up the filter at the rate of new poses."""
         super().__init__(period, pose_period, cutoff, datasheet)
         self._filter = FirstOrderPoseFilter(cutoff, pose_period)
+        self._linear_rate, self._angular_rate = self._filter.rate[:3], self._filter.rate[3:]
         self._attitude = AttitudeView()
 
     def reset(self, readings: Readings) -> None:
@@ -203,10 +204,10 @@ class FirstOrder(Estimator):
         """Filter a new pose; between poses hold the last estimate."""
         if readings.pose_is_new:
             self._filter.update(readings.pose)
-        pose, rate, v = self._filter.pose, self._filter.rate, measurement.v
+        pose, v = self._filter.pose, measurement.v
         measurement.q[:7] = pose
-        np.dot(rate[:3], self._attitude.look(pose), out=v[:3])
-        v[3:6] = rate[3:]
+        self._linear_rate.dot(self._attitude.look(pose), v[:3])
+        v[3:6] = self._angular_rate
 
     def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
         """The motion behind the filter, from rest at its first pose."""

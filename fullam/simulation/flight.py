@@ -11,14 +11,13 @@ from collections.abc import Iterator
 from importlib.metadata import version
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import fullam.version
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint, controller_class
-from fullam.dynamics.pose_space import AttitudeView
+from fullam.control.tick import ControlTick
 from fullam.simulation.flight_plan import (
     DIVERGENCE_PERIOD,
     FlightPlan,
@@ -43,7 +42,8 @@ class Flight:
         plan: What is flown.
         plant: The true vehicle.
         controller: The law.
-        allocator: Wrench to rotor speeds.
+        allocator: Wrench to squared speeds.
+        tick: Both at work.
         outcome: "flying", "completed" or "diverged".
         reason: Why it diverged.
         ticks_flown: Rows of the log that are written.
@@ -58,14 +58,13 @@ class Flight:
         self.controller: Controller = controller_class(plan.controller)(
             nominal, plan.settings, simulation.control_period, axes
         )
+        self.tick = ControlTick(self.controller, self.allocator)
         self.estimator = make_estimator(simulation, plan.weather, nominal.gravity)
         self._log = allocate_columns(plan.t.size, nominal.n_arm, nominal.rotors.count)
+        self._rows = _gather(self._log, PER_TICK)
         self.measurement = Measurement(nominal)
         self.measurement.q[:7] = plan.scenario.initial_pose
         self.measurement.q[7:] = plan.arm.theta[0]
-        self._attitude = AttitudeView()
-        self._data = nominal.create_data()
-        self._at_origin = nominal.neutral()
         self.plant = Plant(
             plan.true,
             plan.arm,
@@ -75,44 +74,39 @@ class Flight:
             simulation.integrator,
         )
         self.sensors = Sensors(simulation, plan.forecast, plan.nominal.gravity, self._log["pose"])
+        self._look_every = max(1, round(DIVERGENCE_PERIOD / simulation.control_period))
+        self._near = _Near(plan, self._look_every)
         self.outcome, self.reason = "flying", ""
         self.ticks_flown = 0
 
     def ticks(self) -> Iterator[int]:
         """Fly; yields the number of each tick once its row is written and its period flown."""
-        plan, plant, log, m = self.plan, self.plant, self._log, self.measurement
+        plan, plant, tick, m = self.plan, self.plant, self.tick, self.measurement
         sensors, estimator, controller = self.sensors, self.estimator, self.controller
-        allocator, attitude = self.allocator, self._attitude
         anticipation = plan.anticipation
         inertial = estimator.needs_inertial
         reference, arm, substeps = plan.reference, plan.arm, plan.simulation.substeps
-        poses, velocities, accelerations = (
-            reference.pose,
-            reference.velocity,
-            reference.acceleration,
-        )
-        max_speeds = plan.nominal.rotors.max_speeds
-        normalized_coupling = plan.nominal.rotors.normalized_coupling
+        arm_rows = 2 * substeps  # of the arm's table in a control period
         gusts = plan.forecast.disturbance
         gusting: list[bool] = np.any(gusts != 0.0, axis=1).tolist()
         point = ReferencePoint()
-        wrench_A = np.empty(6)
-        last = plan.t.size - 1
-        look_every = max(1, round(DIVERGENCE_PERIOD / plan.simulation.control_period))
+        last, look_every = plan.t.size - 1, self._look_every
+        poses, rows = self._log["pose"], self._rows
+        residuals, saturated = self._log["residual"], self._log["saturated"]
+        pose, told_pose, arm_angles = plant.q[:7], m.q[:7], m.q[7:]
+        velocity, told_velocity, arm_rates = plant.v[:6], m.v[:6], m.v[6:]
         for k, t in enumerate(plan.t.tolist()):
-            log["pose"][k] = plant.q[:7]
-            log["velocity"][k] = plant.v[:6]
-            log["rotor_speeds"][k] = plant.speeds
+            poses[k] = pose
             if k % look_every == 0 and self._has_diverged(k):
                 return
             readings = sensors.read(k, plant)
             if inertial:
                 sensors.read_inertial(k, plant)
-            row = plan.arm_row(k)
-            m.q[7:], m.v[6:] = arm.theta[row], arm.dtheta[row]
+            row = arm_rows * k
+            arm_angles[:], arm_rates[:] = arm.theta[row], arm.dtheta[row]
             m.arm_acceleration = arm.ddtheta[row]
-            point.pose, point.velocity = poses[k], velocities[k]
-            point.acceleration = accelerations[k]
+            point.pose, point.velocity = reference.pose[k], reference.velocity[k]
+            point.acceleration = reference.acceleration[k]
             if k == 0:
                 estimator.reset(readings)
                 estimator.update(readings, m)
@@ -120,40 +114,25 @@ class Flight:
             else:
                 estimator.update(readings, m)
 
-            ahead = anticipation if anticipation is not None and anticipation.moving[k] else None
-            if ahead is not None:
-                ahead.advance(k, m)
+            R_thrust = None
+            if anticipation is not None and anticipation.moving[k]:
+                anticipation.advance(k, m)
+                R_thrust = anticipation.attitude_of_thrust(k, m)
+            speeds = tick.speeds(t, m, point, R_thrust)
+            if tick.saturated:
+                residuals[k], saturated[k] = tick.residual, True
 
-            wrench_W = controller.wrench(t, m, point)
-            R_WA = ahead.attitude_of_thrust(k, m) if ahead is not None else attitude.look(m.q[:7])
-            np.dot(wrench_W.reshape(2, 3), R_WA, out=wrench_A.reshape(2, 3))
-            u = allocator.allocate(wrench_A)
-            if allocator.saturated:
-                u = allocator.allocate_about(wrench_A, self._center_of_mass())
-                achieved_A = normalized_coupling @ u
-                controller.delivered((achieved_A.reshape(2, 3) @ R_WA.T).ravel())
-                log["residual"][k] = achieved_A - wrench_A
-                log["saturated"][k] = True
-            speeds = max_speeds * np.sqrt(u)
-
-            log["measured_pose"][k] = m.q[:7]
-            log["measured_velocity"][k] = m.v[:6]
-            log["u_pid"][k] = controller.u_pid
-            log["u_dc"][k] = controller.u_dc
-            log["command"][k] = wrench_W
-            log["rotor_commands"][k] = speeds
+            now = (velocity, told_pose, told_velocity, controller.u_pid, controller.u_dc)
+            np.concatenate((*now, tick.command, speeds, plant.speeds), out=rows[k])
             self.ticks_flown = k + 1
             if k < last:
                 plant.advance(speeds, gusts[k] if gusting[k] else None, substeps)
             yield k
         self.outcome = "completed"
 
-    def _center_of_mass(self) -> Array:
-        """Centre of mass of the nominal vehicle in {A} for the arm as it is, shape (3,) [m]."""
-        self._at_origin[7:] = self.measurement.q[7:]
-        return pin.centerOfMass(self.plan.nominal.model, self._data, self._at_origin)
-
     def _has_diverged(self, k: int) -> bool:
+        if self._near.surely(k, self._log["pose"][k]):
+            return False
         reason = divergence(self.plan, k, self._log["pose"][k])
         if reason is not None:
             self.outcome, self.reason = "diverged", reason
@@ -162,6 +141,55 @@ class Flight:
     def run(self) -> Run:
         """The record so far; columns that follow from others are computed here, at once."""
         return finish(self.plan, self._log, self.ticks_flown, self.outcome, self.reason)
+
+
+PER_TICK = (
+    "velocity",
+    "measured_pose",
+    "measured_velocity",
+    "u_pid",
+    "u_dc",
+    "command",
+    "rotor_commands",
+    "rotor_speeds",
+)
+"""Columns of the log that every tick writes at once, in this order."""
+
+
+def _gather(log: dict[str, Array], names: tuple[str, ...]) -> Array:
+    """Make columns of a log views of one table, side by side, which is returned.
+
+    One row is then written by one call: eight assignments cost three times as much.
+    """
+    widths = [log[name].shape[1] for name in names]
+    table = np.zeros((len(log[names[0]]), sum(widths)))
+    for name, start, width in zip(names, np.cumsum([0, *widths]), widths, strict=False):
+        log[name] = table[:, start : start + width]
+    return table
+
+
+class _Near:
+    """A quick look at the bounds of sense, which sends all doubtful cases to `divergence`."""
+
+    MARGIN = 0.99
+    """Share of a bound within which a pose is surely near."""
+
+    def __init__(self, plan: FlightPlan, every: int) -> None:
+        settings, mask = plan.simulation, plan.scenario.axes_mask
+        self._every = every
+        self._targets: list[list[float]] = plan.reference.pose[::every].tolist()
+        self._mask = tuple(float(a) for a in mask[:3])
+        self._square = (self.MARGIN * settings.max_position_error) ** 2
+        half_angle = np.radians(min(180.0, self.MARGIN * settings.max_attitude_error_deg)) / 2.0
+        self._cosine = float(np.cos(half_angle))
+
+    def surely(self, k: int, pose: Array) -> bool:
+        """Whether the pose, shape (7,), is well within the bounds around row k (NaN is not)."""
+        x, y, z, a, b, c, d = pose.tolist()
+        X, Y, Z, A, B, C, D = self._targets[k // self._every]
+        u, v, w = self._mask
+        near = u * (x - X) ** 2 + v * (y - Y) ** 2 + w * (z - Z) ** 2 < self._square
+        return near and abs(a * A + b * B + c * C + d * D) > self._cosine
 
 
 def finish(

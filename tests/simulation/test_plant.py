@@ -45,7 +45,7 @@ def test_agrees_with_aba_driven_by_the_joint_torques_that_rnea_asks_for(name, rn
         plant = Plant(vehicle, table, pose, speeds, 0.001, "midpoint")
         plant.v[:6] = rng.normal(size=6)
         gust = rng.normal(size=6)
-        plant._commands, plant._gust = speeds, gust.reshape(2, 3)
+        plant.hold(speeds, gust)
         q, v = plant.q.copy(), plant.v.copy()
         a = plant._acceleration(0, q, v).copy()
         R = pin.Quaternion(q[3:7]).toRotationMatrix()

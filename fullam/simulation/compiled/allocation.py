@@ -25,7 +25,7 @@ from fullam.control.box_qp import (
 )
 from fullam.simulation.compiled.integrate import ASKED
 from fullam.simulation.compiled.jit import compiled
-from fullam.simulation.compiled.rotations import three, write
+from fullam.simulation.compiled.rotations import subtract, three, write
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ U, SOLUTION, Z, CLIPPED = range(4)
 """Rows of `unknowns`, shape (4, n): answer of the last allocation; answer of the last search;
 minimiser or multipliers; clipped minimiser."""
 
-ABOUT, RESIDUAL = 0, 1
-"""Rows of `sixes`, shape (2, 6): wrench about the centre of mass, weighted residual."""
+WANTED, RESIDUAL = 0, 1
+"""Rows of `sixes`, shape (2, 6): wrench to be allocated, in {A}; weighted residual."""
 
 STATUS, TRIAL = 0, 1
 """Rows of `sets`, shape (2, n): active set of the last search, and on trial."""
@@ -83,11 +83,11 @@ class Allotment(NamedTuple):
 
 
 @compiled
-def inner(rows, i, j, wrench, k):
-    """Inner product of entries j to j + 5 of row i with row k of `wrench`."""
-    total = rows[i, j] * wrench[k, 0]
+def inner(rows, i, j, sixes, k):
+    """Inner product of entries j to j + 5 of row i with row k of `sixes`."""
+    total = rows[i, j] * sixes[k, 0]
     for c in range(1, 6):
-        total += rows[i, j + c] * wrench[k, c]
+        total += rows[i, j + c] * sixes[k, c]
     return total
 
 
@@ -204,33 +204,33 @@ def active_set_map(box, scales, sets, row, maps, start):
 
 
 @compiled
-def weighted_residual(box, scales, unknowns, row, wrench, k, sixes):
+def weighted_residual(box, scales, unknowns, row, sixes):
     """Write A u - W w to `sixes`; returns its square. u is a row of `unknowns`."""
     square = 0.0
     for j in range(6):
         total = 0.0
         for i in range(box.shape[0]):
             total += box[i, A + j] * unknowns[row, i]
-        total -= scales[WEIGHTS + j] * wrench[k, j]
+        total -= scales[WEIGHTS + j] * sixes[WANTED, j]
         sixes[RESIDUAL, j] = total
         square += total * total
     return square
 
 
 @compiled
-def objective(box, scales, unknowns, row, wrench, k, sixes):
+def objective(box, scales, unknowns, row, sixes):
     """The cost f(u)."""
     pull = 0.0
     for i in range(box.shape[0]):
         pull += (unknowns[row, i] - box[i, PRIOR]) ** 2
-    square = weighted_residual(box, scales, unknowns, row, wrench, k, sixes)
+    square = weighted_residual(box, scales, unknowns, row, sixes)
     return 0.5 * square + 0.5 * scales[EPS] * pull
 
 
 @compiled
-def kkt_residual(box, scales, unknowns, row, wrench, k, sixes):
+def kkt_residual(box, scales, unknowns, row, sixes):
     """Largest entry of u - clip(u - grad f / diag H, 0, u_max); fills the weighted residual."""
-    weighted_residual(box, scales, unknowns, row, wrench, k, sixes)
+    weighted_residual(box, scales, unknowns, row, sixes)
     worst = 0.0
     for i in range(box.shape[0]):
         u = unknowns[row, i]
@@ -241,12 +241,12 @@ def kkt_residual(box, scales, unknowns, row, wrench, k, sixes):
 
 
 @compiled
-def solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, wrench, k):
+def solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
     """Find the minimiser, into row SOLUTION; see `BoxLeastSquares.solve`. True if it holds it."""
     n = box.shape[0]
     start, fits = rows_of(box, scales, keys, maps, sets, STATUS, counters), True
     for i in range(n):
-        z, status = inner(maps, start + i, 0, wrench, k) + maps[start + i, 6], sets[STATUS, i]
+        z, status = inner(maps, start + i, 0, sixes, WANTED) + maps[start + i, 6], sets[STATUS, i]
         unknowns[Z, i] = z
         if status == FREE:
             fits = fits and -BOUND_TOLERANCE <= z <= box[i, UPPER] + BOUND_TOLERANCE
@@ -261,10 +261,10 @@ def solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counte
                 unknowns[SOLUTION, i] = box[i, UPPER] if status == AT_UPPER else 0.0
         return True
     for i in range(n):
-        unknowns[Z, i] = inner(box, i, GAIN, wrench, k) + box[i, OFFSET]
+        unknowns[Z, i] = inner(box, i, GAIN, sixes, WANTED) + box[i, OFFSET]
         unknowns[CLIPPED, i] = min(max(unknowns[Z, i], 0.0), box[i, UPPER])
-    clipped = objective(box, scales, unknowns, CLIPPED, wrench, k, sixes)
-    if clipped < objective(box, scales, unknowns, SOLUTION, wrench, k, sixes):
+    clipped = objective(box, scales, unknowns, CLIPPED, sixes)
+    if clipped < objective(box, scales, unknowns, SOLUTION, sixes):
         for i in range(n):
             z = unknowns[Z, i]
             sets[TRIAL, i] = AT_LOWER if z < 0.0 else AT_UPPER if z > box[i, UPPER] else FREE
@@ -272,21 +272,24 @@ def solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counte
     else:
         for i in range(n):
             sets[TRIAL, i] = sets[STATUS, i]
-    settled = pivot(box, scales, keys, maps, unknowns, sets, minimisers, counters, wrench, k)
+    settled = pivot(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
     for i in range(n):
         sets[STATUS, i] = sets[TRIAL, i]
     return settled
 
 
 @compiled
-def pivot(box, scales, keys, maps, unknowns, sets, minimisers, counters, wrench, k):
+def pivot(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
     """Primal active set from a feasible point; see `BoxLeastSquares._search`."""
     n, known = box.shape[0], 0
     for _ in range(minimisers.size):
         start = rows_of(box, scales, keys, maps, sets, TRIAL, counters)
         share, blocking, worst, leaving = 1.0, -1, -MULTIPLIER_TOLERANCE, -1
         for i in range(n):
-            z, u = inner(maps, start + i, 0, wrench, k) + maps[start + i, 6], unknowns[SOLUTION, i]
+            z, u = (
+                inner(maps, start + i, 0, sixes, WANTED) + maps[start + i, 6],
+                unknowns[SOLUTION, i],
+            )
             unknowns[Z, i] = z
             if sets[TRIAL, i] != FREE:
                 if z < worst:
@@ -320,24 +323,22 @@ def pivot(box, scales, keys, maps, unknowns, sets, minimisers, counters, wrench,
 
 
 @compiled
-def allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, wrench, k):
-    """Allocate row k of `wrench`, finite, in {A}; True if bounds cost wrench.
+def allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
+    """Allocate the finite wrench in row WANTED of `sixes`; True if bounds cost wrench.
 
     The answer is row U of `unknowns`: squared speeds as shares of the largest.
     """
     n, within = box.shape[0], True
     for i in range(n):
-        u = inner(box, i, GAIN, wrench, k) + box[i, OFFSET]
+        u = inner(box, i, GAIN, sixes, WANTED) + box[i, OFFSET]
         unknowns[U, i] = u
         within = within and 0.0 <= u <= 1.0
     if within:
         counters[EXACT] += 1
         return False
-    settled = solve_box(
-        box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, wrench, k
-    )
+    settled = solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
     if settled:
-        error = kkt_residual(box, scales, unknowns, SOLUTION, wrench, k, sixes)
+        error = kkt_residual(box, scales, unknowns, SOLUTION, sixes)
         settled = error <= KKT_TOLERANCE
     if settled:
         for i in range(n):
@@ -346,7 +347,7 @@ def allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counter
     else:
         for i in range(n):
             unknowns[U, i] = min(max(unknowns[U, i], 0.0), box[i, UPPER])
-        weighted_residual(box, scales, unknowns, U, wrench, k, sixes)
+        weighted_residual(box, scales, unknowns, U, sixes)
         counters[UNCONFIRMED] += 1
         counters[CLIP] += 1
     square = 0.0
@@ -375,17 +376,16 @@ def allocate_about(
     box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, center
 ):
     """Allocate again, the moment asked for about `center`; see `Allocator.allocate_about`."""
-    wrench = three(state, ASKED, 0)
-    write(sixes, ABOUT, 0, wrench)
-    write(sixes, ABOUT, 3, three(state, ASKED, 3))
     for _ in range(ABOUT_ROUNDS):
         force, _ = achieved(box, unknowns)
-        f0, f1, f2 = force[0] - wrench[0], force[1] - wrench[1], force[2] - wrench[2]
+        f0, f1, f2 = subtract(force, three(state, ASKED, 0))
         m0 = state[ASKED, 3] + center[1] * f2 - center[2] * f1
         m1 = state[ASKED, 4] + center[2] * f0 - center[0] * f2
         m2 = state[ASKED, 5] + center[0] * f1 - center[1] * f0
-        worst = max(abs(m0 - sixes[ABOUT, 3]), abs(m1 - sixes[ABOUT, 4]), abs(m2 - sixes[ABOUT, 5]))
+        worst = max(
+            abs(m0 - sixes[WANTED, 3]), abs(m1 - sixes[WANTED, 4]), abs(m2 - sixes[WANTED, 5])
+        )
         if worst < ABOUT_TOLERANCE:
             break
-        write(sixes, ABOUT, 3, (m0, m1, m2))
-        allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, sixes, ABOUT)
+        write(sixes, WANTED, 3, (m0, m1, m2))
+        allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)

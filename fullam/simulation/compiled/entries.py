@@ -10,9 +10,16 @@ import math
 from typing import Any
 
 from fullam.simulation.compiled import loop
-from fullam.simulation.compiled.allocation import MAX_SPEED, U, achieved, allocate, allocate_about
+from fullam.simulation.compiled.allocation import (
+    MAX_SPEED,
+    WANTED,
+    U,
+    achieved,
+    allocate,
+    allocate_about,
+)
 from fullam.simulation.compiled.dynamics import composite, platform_acceleration
-from fullam.simulation.compiled.integrate import ASKED, COMMANDS, POSE, VELOCITY, advance
+from fullam.simulation.compiled.integrate import COMMANDS, POSE, VELOCITY, advance
 from fullam.simulation.compiled.jit import entry, sources
 from fullam.simulation.compiled.rotations import (
     cross,
@@ -26,7 +33,7 @@ from fullam.simulation.compiled.rotations import (
 )
 
 
-def _build(digest: str) -> tuple[Any, Any, Any, Any]:
+def _build(digest: str) -> tuple[Any, ...]:
     """The entry points, keyed by the digest of all sources."""
 
     @entry
@@ -36,18 +43,19 @@ def _build(digest: str) -> tuple[Any, Any, Any, Any]:
         return loop.fly(job, log, start, stop, last)
 
     @entry
-    def tick(numbers, links, memory, allotment, state, speeds, target, rate, feedforward, arm):
+    def tick(numbers, links, memory, allotment, state, speeds, reference, arm):
         """One control period without sensors: law, turn to {A}, allocation, rotor speeds.
 
-        The reference and the arm have one row each. True if the wrench is out of reach.
+        `reference` holds pose, velocity and acceleration in its rows; the arm has one row. True
+        if the wrench is out of reach.
         """
         version = digest  # noqa: F841
         box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters = allotment
-        R = loop.command(numbers, links, memory, state, target, rate, feedforward, 0, arm, 0)
-        loop.ask(memory, state, R)
-        saturated = allocate(
-            box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, ASKED
+        R = loop.command(
+            numbers, links, memory, state, reference, reference[1:], reference[2:], 0, arm, 0
         )
+        loop.ask(memory, state, sixes, R)
+        saturated = allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
         if saturated:
             m, s, _ = composite(links, arm, 0)
             center = scale(1.0 / m, s)
@@ -77,7 +85,16 @@ def _build(digest: str) -> tuple[Any, Any, Any, Any]:
         write(out, 0, 0, subtract(a, cross(w, v)))
         write(out, 0, 3, b)
 
-    return fly, tick, step, accelerate
+    @entry
+    def allot(allotment, wrench):
+        """See `allocation.allocate`."""
+        version = digest  # noqa: F841
+        box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters = allotment
+        write(sixes, WANTED, 0, three(wrench, 0, 0))
+        write(sixes, WANTED, 3, three(wrench, 0, 3))
+        return allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
+
+    return fly, tick, step, accelerate, allot
 
 
-fly, tick, step, accelerate = _build(sources())
+fly, tick, step, accelerate, allot = _build(sources())

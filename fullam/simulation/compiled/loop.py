@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from fullam.simulation.compiled.allocation import (
     MAX_SPEED,
+    WANTED,
     Allotment,
     U,
     achieved,
@@ -244,12 +245,14 @@ def deliver(numbers, links, memory, R, force, moment, arm, row):
 
 
 @compiled
-def ask(memory, state, R_thrust):
-    """Turn the commanded wrench to {A}, into the state; False if it is not finite."""
+def ask(memory, state, sixes, R_thrust):
+    """Turn the commanded wrench to {A} and ask for it; False if it is not finite."""
     force = turn_back(R_thrust, three(memory, COMMAND, 0))
     moment = turn_back(R_thrust, three(memory, COMMAND, 3))
     write(state, ASKED, 0, force)
     write(state, ASKED, 3, moment)
+    write(sixes, WANTED, 0, force)
+    write(sixes, WANTED, 3, moment)
     return math.isfinite(force[0] + force[1] + force[2] + moment[0] + moment[1] + moment[2])
 
 
@@ -294,15 +297,13 @@ def fly(job, log, start, stop, last):
         R_thrust = R
         if moving[k]:
             R_thrust = matrix(turned(four(state, TOLD, 3), three(ahead, k, 15)))
-        finite = ask(memory, state, R_thrust)
+        finite = ask(memory, state, sixes, R_thrust)
         if not finite:
             return k, NOT_FINITE
         copy_row(memory, U_PID, log_u_pid, k, 6)
         copy_row(memory, U_DC, log_u_dc, k, 6)
         copy_row(memory, COMMAND, log_command, k, 6)
-        if allocate(
-            box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, ASKED
-        ):
+        if allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
             m, s, _ = composite(nominal, arm, row)
             allocate_about(
                 box,

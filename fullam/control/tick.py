@@ -1,0 +1,85 @@
+"""One control period without sensors: law, turn to {A}, allocation, rotor speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from fullam.control.allocation import Allocator
+from fullam.control.controller import Controller, Measurement, ReferencePoint
+from fullam.dynamics.pose_space import AttitudeView
+
+Array = NDArray[np.float64]
+
+
+class ControlTick:
+    """A controller and its allocator: from measurement and reference to rotor speeds.
+
+    This is what runs on a flight computer, and what a simulated flight calls once a period. A
+    wrench out of reach is allocated about the vehicle's centre of mass, and the controller is told
+    what it got.
+
+    Attributes:
+        controller: The law; call its `reset` before the first tick.
+        allocator: Wrench to squared speeds.
+        command: The law's wrench, world axes, shape (6,), live [N, N m].
+        wrench_A: The same in the axes of {A} that the thrust will have, shape (6,), live.
+        residual: Achieved minus asked in {A}, shape (6,), live; means something if saturated.
+        saturated: Whether bounds kept the last wrench from being delivered.
+    """
+
+    def __init__(self, controller: Controller, allocator: Allocator) -> None:
+        """Bind the two; both are used by nobody else."""
+        self.controller, self.allocator = controller, allocator
+        self.command: Array = np.zeros(6)
+        self.wrench_A: Array = np.zeros(6)
+        self.residual: Array = np.zeros(6)
+        self.saturated = False
+        vehicle = controller.vehicle
+        self._command_rows = self.command.reshape(2, 3)
+        self._wrench_A_rows = self.wrench_A.reshape(2, 3)
+        self._attitude = AttitudeView()
+        self._model, self._data = vehicle.model, vehicle.create_data()
+        self._at_origin = vehicle.neutral()
+        self._coupling = vehicle.rotors.normalized_coupling
+        self._max_speeds = vehicle.rotors.max_speeds
+        self._speeds = np.zeros(vehicle.rotors.count)
+
+    def speeds(
+        self, t: float, m: Measurement, reference: ReferencePoint, R_thrust: Array | None = None
+    ) -> Array:
+        """Rotor speeds, shape (n_r,), live [rad/s].
+
+        Args:
+            t: Time [s].
+            m: The measurement.
+            reference: The reference.
+            R_thrust: Attitude when the rotors will have followed, shape (3, 3); that of the
+                measurement if None.
+
+        Raises:
+            NonFiniteWrench: The law returned NaN or infinity.
+        """
+        command = self.controller.wrench(t, m, reference)
+        if command is not self.command:
+            self.command, self._command_rows = command, command.reshape(2, 3)
+        R = self._attitude.look(m.q[:7]) if R_thrust is None else R_thrust
+        self._command_rows.dot(R, self._wrench_A_rows)
+        allocator = self.allocator
+        u = allocator.allocate(self.wrench_A)
+        self.saturated = allocator.saturated
+        if self.saturated:
+            u = self._allocate_again(m, R)
+        np.sqrt(u, self._speeds)
+        return np.multiply(self._speeds, self._max_speeds, self._speeds)
+
+    def _allocate_again(self, m: Measurement, R: Array) -> Array:
+        """Allocate about the centre of mass and tell the law."""
+        self._at_origin[7:] = m.q[7:]
+        center = pin.centerOfMass(self._model, self._data, self._at_origin)
+        u = self.allocator.allocate_about(self.wrench_A, center)
+        achieved = self._coupling.dot(u)
+        np.subtract(achieved, self.wrench_A, self.residual)
+        self.controller.delivered(achieved.reshape(2, 3).dot(R.T).ravel())
+        return u
