@@ -20,7 +20,7 @@ class FirstOrderPoseFilter:
 
     Attributes:
         pose: Filtered [p, quaternion xyzw], shape (7,), a new array after each update.
-        rate: [dp in world axes, w in {A} axes] of the filtered pose over the last period, (6,), live.
+        rate: [dp (world axes), w ({A} axes)] of the filtered pose over the last period, (6,), live.
     """
 
     def __init__(self, cutoff: float, period: float) -> None:
