@@ -42,7 +42,6 @@ from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.catalogue import CONFIGURATIONS, HOME
 from fullam.simulation.flight import Flight
-from fullam.simulation.plant import Plant
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -271,25 +270,14 @@ def _fly(task: Task, reading: Reading, proportional: float, seed: int) -> Figure
     )
     flight = Flight(replace(plan, true=true_vehicle(plan.true)))
     if reading.exact_turn:
-        flight._attitude = _TrueAttitude(flight.plant)
+        view = AttitudeView()
+        flight.thrust_attitude = lambda: view.look(flight.plant.q[:7])
     for _ in flight.ticks():
         pass
     run = flight.run()
     error = coordinates(run.pose) - coordinates(run.reference_pose)
     step = 1e3 * (run.reference_pose[-1, :3] - np.array(HOME))
     return Figures.of(run.t, error, run.command, step if step.any() else None)
-
-
-class _TrueAttitude(AttitudeView):
-    """Takes the place of the flight's view of the measured attitude."""
-
-    def __init__(self, plant: Plant) -> None:
-        super().__init__()
-        self._plant = plant
-
-    def look(self, pose: Array) -> Array:
-        """R_WA of the plant, whatever pose was measured."""
-        return super().look(self._plant.q[:7])
 
 
 def weather(reading: Reading) -> Weather:

@@ -7,7 +7,7 @@ sentence.
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 
 import numpy as np
@@ -47,6 +47,8 @@ class Flight:
         outcome: "flying", "completed" or "diverged".
         reason: Why it diverged.
         ticks_flown: Rows of the log that are written.
+        thrust_attitude: Gives the R_WA that turns commands to {A}, for studies of what a wrong
+            one costs; None is the estimate's.
     """
 
     def __init__(self, plan: FlightPlan) -> None:
@@ -76,6 +78,7 @@ class Flight:
         self.sensors = Sensors(simulation, plan.forecast, plan.nominal.gravity, self._log["pose"])
         self._look_every = max(1, round(DIVERGENCE_PERIOD / simulation.control_period))
         self._near = _Near(plan, self._look_every)
+        self.thrust_attitude: Callable[[], Array] | None = None
         self.outcome, self.reason = "flying", ""
         self.ticks_flown = 0
 
@@ -114,7 +117,7 @@ class Flight:
             else:
                 estimator.update(readings, m)
 
-            R_thrust = None
+            R_thrust = None if self.thrust_attitude is None else self.thrust_attitude()
             if anticipation is not None and anticipation.moving[k]:
                 anticipation.advance(k, m)
                 R_thrust = anticipation.attitude_of_thrust(k, m)
