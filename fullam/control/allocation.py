@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.control.box_qp import BoxLeastSquares
+from fullam.control.box_qp import BoxLeastSquares, WarmStart
 from fullam.control.proxqp_referee import ProxQPReferee
 from fullam.control.wrench_axes import (
     full_scale,
@@ -254,6 +254,8 @@ class Allocator:
         )
         self._K, self._k = self._box.gain, self._box.offset
         self._has_offset = bool(self._k.any())
+        self._rounds: list[WarmStart] = []  # of `allocate_about`
+        self._B_force = np.ascontiguousarray(rotors.normalized_coupling[:3])
         self._ladder = method == "ladder"
         self.squared: Array = np.zeros(rotors.count)
         self.rung: Method = "exact"
@@ -262,6 +264,7 @@ class Allocator:
     def reset(self) -> None:
         """Forget the warm start, so that a flight can be flown again bit for bit."""
         self._box.reset()
+        self._rounds.clear()
 
     def solve(self, wrench_A: Array) -> Allocation:
         """Allocate a wrench in {A} about its origin, shape (6,) [N, N m].
@@ -310,17 +313,35 @@ class Allocator:
         Returns:
             The live buffer `squared`, shape (n,).
         """
-        u, B = self.squared, self.rotors.normalized_coupling
-        asked = wrench_A.copy()
+        # Plain numbers: three of them are handled faster one by one than as an array.
+        u, B_force = self.squared, self._B_force
+        F1, F2, F3, M1, M2, M3 = wrench_A.tolist()
         c1, c2, c3 = center.tolist()
-        for _ in range(ABOUT_ROUNDS):
-            f1, f2, f3 = (B[:3] @ u - wrench_A[:3]).tolist()
-            lever = np.array([c2 * f3 - c3 * f2, c3 * f1 - c1 * f3, c1 * f2 - c2 * f1])
-            moment = wrench_A[3:] + lever
-            if np.abs(moment - asked[3:]).max() < ABOUT_TOLERANCE:
+        asked = wrench_A.copy()
+        a1, a2, a3 = M1, M2, M3
+        # Each round has its own warm start: from period to period it changes little, from round
+        # to round a lot.
+        box, rounds = self._box, self._rounds
+        before = box.remember()
+        for k in range(ABOUT_ROUNDS):
+            f1, f2, f3 = B_force.dot(u).tolist()
+            f1, f2, f3 = f1 - F1, f2 - F2, f3 - F3
+            m1, m2, m3 = (
+                M1 + (c2 * f3 - c3 * f2),
+                M2 + (c3 * f1 - c1 * f3),
+                M3 + (c1 * f2 - c2 * f1),
+            )
+            if max(abs(m1 - a1), abs(m2 - a2), abs(m3 - a3)) < ABOUT_TOLERANCE:
                 break
-            asked[3:] = moment
-            u = self.allocate(asked)
+            asked[3], asked[4], asked[5] = a1, a2, a3 = m1, m2, m3
+            if k < len(rounds):
+                box.recall(rounds[k])
+                u = self.allocate(asked)
+                rounds[k] = box.remember()
+            else:
+                u = self.allocate(asked)
+                rounds.append(box.remember())
+        box.recall(before)
         self.saturated = True
         return u
 

@@ -120,6 +120,10 @@ class ActiveSet:
         self.held = np.where(codes == AT_UPPER, upper, 0.0)
 
 
+WarmStart = tuple[ActiveSet, Array]
+"""An active set and a feasible point whose held entries are at their bounds."""
+
+
 class BoxLeastSquares:
     """Solver of the box problem for a sequence of wrenches, warm-started with the last answer.
 
@@ -177,6 +181,15 @@ class BoxLeastSquares:
         """Forget the warm start, so that the next answer depends on its wrench alone."""
         self._current = self._start
         self.solution[:] = self.prior
+
+    def remember(self) -> WarmStart:
+        """Where the next search would begin; `recall` begins there again."""
+        return self._current, self.solution.copy()
+
+    def recall(self, start: WarmStart) -> None:
+        """Begin the next search where `remember` was called."""
+        self._current = start[0]
+        self.solution[:] = start[1]
 
     def start_from(self, status: Status, u: Array) -> None:
         """Begin the next search at a feasible u, shape (n,), whose held entries are at their bound.

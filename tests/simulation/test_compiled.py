@@ -160,10 +160,11 @@ def test_one_tick_to_rounding(vehicle, controller):
     law = controller_class(controller)(vehicle, make_settings(controller), 0.001)
     allocator = fullam.Allocator(vehicle.rotors)
     scale = np.abs(vehicle.rotors.normalized_coupling).sum(axis=1)
+    tick = CompiledTick(law, allocator)
     for _ in range(50):
         m, point = random_measurement(vehicle, rng)
         law.reset(m, point)
-        tick = CompiledTick(law, allocator)
+        tick.reset()
         asked = law.wrench(0.0, m, point)
         R = pin.Quaternion(m.q[3:7]).toRotationMatrix()
         wrench_A = (asked.reshape(2, 3) @ R).ravel()
@@ -172,6 +173,15 @@ def test_one_tick_to_rounding(vehicle, controller):
         u = allocator.solve(wrench_A)
         if not u.saturated:  # then the reference flight allocates again, about the mass centre
             assert np.abs(tick.allotment.unknowns[U] - u.squared).max() < FLIGHT_TOLERANCE
+
+
+def test_a_tick_refuses_a_measurement_that_is_not_finite():
+    vehicle = load_vehicle("fullam")
+    tick = CompiledTick(Pid(vehicle), fullam.Allocator(vehicle.rotors))
+    m = Measurement(vehicle)
+    m.q[0] = np.nan
+    with pytest.raises(NonFiniteWrench):
+        tick.speeds(m, ReferencePoint())
 
 
 def test_one_plant_step_to_rounding():

@@ -16,7 +16,7 @@ from fullam.exceptions import SettingsError
 from fullam.model.chain import LinkChain
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.compiled import law as laws
-from fullam.simulation.compiled.allocation import N_COUNTERS, SOLUTION, Allotment
+from fullam.simulation.compiled.allocation import N_COUNTERS, PRIOR, SOLUTION, Allotment
 from fullam.simulation.compiled.dynamics import arm_rows, chain_rows
 from fullam.simulation.compiled.integrate import ESTIMATE, POSE, READING, RULES, TOLD, Craft
 from fullam.simulation.compiled.law import Law
@@ -31,8 +31,9 @@ WHERE = "engine 'compiled'"
 MOST_ROTORS = 31
 """An active set is one 64-bit number, two bits a rotor."""
 
-SLOTS = 1024
-"""Size of the table of active-set maps; a flight meets a few dozen."""
+SLOTS = 16384
+"""Size of the table of active-set maps, of which half are used: as many as the reference keeps. A
+flight meets a few dozen; memory that is not touched costs nothing."""
 
 
 def own(values: Any) -> Array:
@@ -161,20 +162,33 @@ def allotment_of(allocator: Allocator) -> Allotment:
         np.einsum("ij,ij->j", box.A, box.A) + box.eps,
         rotors.max_speeds,
     ]
-    n = rotors.count
-    unknowns = np.zeros((4, n))
-    unknowns[SOLUTION] = box.prior
-    return Allotment(
-        own(np.vstack(columns).T),
-        np.array([*box.weights, box.eps, allocator._tolerance_squared]),
+    scales = np.array([*box.weights, box.eps, allocator._tolerance_squared])
+    return fresh_allotment(own(np.vstack(columns).T), scales)
+
+
+def fresh_allotment(box: Array, scales: Array) -> Allotment:
+    """A problem with a memory of its own."""
+    n = len(box)
+    allotment = Allotment(
+        box,
+        scales,
         np.full(SLOTS, -1, dtype=np.int64),
         np.zeros((SLOTS * n, 7)),
-        unknowns,
+        np.zeros((4, n)),
         np.zeros((2, 6)),
         np.zeros((2, n), dtype=np.int64),
         np.zeros(100 + 20 * n, dtype=np.int64),
         np.zeros(N_COUNTERS, dtype=np.int64),
     )
+    start_afresh(allotment)
+    return allotment
+
+
+def start_afresh(allotment: Allotment) -> None:
+    """Forget where the last search ended, but not the maps, which depend on the problem alone."""
+    allotment.unknowns[:] = 0.0
+    allotment.unknowns[SOLUTION] = allotment.box[:, PRIOR]
+    allotment.sets[:] = 0
 
 
 def tables_of(plan: FlightPlan) -> Tables:

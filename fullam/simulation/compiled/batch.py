@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 
 from fullam.exceptions import NonFiniteWrench
 from fullam.model.perturbation import perturb
-from fullam.simulation.compiled.allocation import SOLUTION, Allotment
+from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.arrays import (
     craft_of,
     draw_of,
+    fresh_allotment,
     job_of,
     law_memory,
     links_of,
     log_of,
     rules_of,
+    start_afresh,
     state_at,
 )
 from fullam.simulation.compiled.engine import NAME
@@ -90,7 +92,7 @@ def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Itera
 
     def one(seed: int) -> Flown:
         if not hasattr(local, "allotment"):
-            local.allotment = _fresh(shared.allotment)
+            local.allotment = fresh_allotment(shared.allotment.box, shared.allotment.scales)
         return _fly_one(with_seed(plan, seed), shared, local.allotment)
 
     remaining = iter(seeds)
@@ -107,15 +109,9 @@ def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Itera
             yield flown
 
 
-def _fresh(allotment: Allotment) -> Allotment:
-    """An allotment of a thread's own; its table of maps is kept from flight to flight."""
-    return Allotment(*(array.copy() for array in allotment))
-
-
 def _fly_one(plan: FlightPlan, shared: Job, allotment: Allotment) -> Flown:
     s, n = plan.simulation, plan.nominal
-    allotment.unknowns[SOLUTION] = shared.allotment.unknowns[SOLUTION]
-    allotment.sets[:] = 0
+    start_afresh(allotment)
     job = shared._replace(
         craft=craft_of(plan.true, links_of(plan.true), s.integrator, s.plant_period, s.substeps),
         memory=law_memory(),

@@ -18,8 +18,22 @@ from fullam.simulation.compiled.allocation import (
     allocate,
     allocate_about,
 )
-from fullam.simulation.compiled.dynamics import composite, platform_acceleration
-from fullam.simulation.compiled.integrate import COMMANDS, POSE, VELOCITY, advance
+from fullam.simulation.compiled.dynamics import (
+    ACCELERATION,
+    COS,
+    RATE,
+    SIN,
+    composite,
+    platform_acceleration,
+)
+from fullam.simulation.compiled.integrate import (
+    COMMANDS,
+    POSE,
+    TOLD,
+    TOLD_VELOCITY,
+    VELOCITY,
+    advance,
+)
 from fullam.simulation.compiled.jit import entry, sources
 from fullam.simulation.compiled.rotations import (
     cross,
@@ -43,18 +57,49 @@ def _build(digest: str) -> tuple[Any, ...]:
         return loop.fly(job, log, start, stop, last)
 
     @entry
-    def tick(numbers, links, memory, allotment, state, speeds, reference, arm):
+    def tick(
+        numbers,
+        links,
+        memory,
+        box,
+        scales,
+        keys,
+        maps,
+        unknowns,
+        sixes,
+        sets,
+        minimisers,
+        counters,
+        state,
+        speeds,
+        reference,
+        arm,
+        inputs,
+    ):
         """One control period without sensors: law, turn to {A}, allocation, rotor speeds.
 
-        `reference` holds pose, velocity and acceleration in its rows; the arm has one row. True
-        if the wrench is out of reach.
+        `inputs` holds q, v, ddtheta, then pose, velocity and acceleration of the reference, end to
+        end. Arrays come one by one, because numba looks at a tuple of them for 10 us. True if the
+        wrench is out of reach.
         """
         version = digest  # noqa: F841
-        box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters = allotment
+        n = links.shape[0] - 1
+        for i in range(7):
+            state[TOLD, i] = inputs[i]
+            reference[0, i] = inputs[13 + 3 * n + i]
+        for i in range(6):
+            state[TOLD_VELOCITY, i] = inputs[7 + n + i]
+            reference[1, i] = inputs[20 + 3 * n + i]
+            reference[2, i] = inputs[26 + 3 * n + i]
+        for i in range(n):
+            arm[0, COS, i], arm[0, SIN, i] = math.cos(inputs[7 + i]), math.sin(inputs[7 + i])
+            arm[0, RATE, i] = inputs[13 + n + i]
+            arm[0, ACCELERATION, i] = inputs[13 + 2 * n + i]
         R = loop.command(
             numbers, links, memory, state, reference, reference[1:], reference[2:], 0, arm, 0
         )
-        loop.ask(memory, state, sixes, R)
+        if not loop.ask(memory, state, sixes, R):
+            return False
         saturated = allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
         if saturated:
             m, s, _ = composite(links, arm, 0)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint
+from fullam.exceptions import NonFiniteWrench
 from fullam.simulation.compiled.allocation import U
 from fullam.simulation.compiled.arrays import (
     LAWS,
@@ -16,11 +19,11 @@ from fullam.simulation.compiled.arrays import (
     law_of,
     links_of,
     refuse,
+    start_afresh,
 )
-from fullam.simulation.compiled.dynamics import ACCELERATION, COS, RATE, SIN
 from fullam.simulation.compiled.entries import allot as allot_compiled
 from fullam.simulation.compiled.entries import tick as tick_compiled
-from fullam.simulation.compiled.integrate import ASKED, COMMANDS, TOLD, TOLD_VELOCITY
+from fullam.simulation.compiled.integrate import ASKED, COMMANDS, TOLD
 from fullam.simulation.compiled.jit import announced
 
 Array = NDArray[np.float64]
@@ -33,10 +36,11 @@ class CompiledTick:
         allotment: The allocation, with its counters.
         memory: What the law remembers, shape (7, 6); see `law`.
         wrench_A: Wrench asked for last in {A} axes, shape (6,), live [N, N m].
+        saturated: Whether bounds kept it from being delivered.
     """
 
     def __init__(self, controller: Controller, allocator: Allocator) -> None:
-        """Turn a controller and an allocator into arrays; neither is used afterwards.
+        """Turn a controller and an allocator into arrays, and compile; neither is used afterwards.
 
         Raises:
             SettingsError: The controller is not compiled; the message says which are.
@@ -45,41 +49,61 @@ class CompiledTick:
             raise refuse("controller", controller.name, [c.name for c in LAWS])
         vehicle = controller.vehicle
         check_rotors(vehicle)
-        self._law = law_of(controller, links_of(vehicle))
+        self.saturated = False
         self.memory = law_memory()
         self.allotment = allotment_of(allocator)
-        self._state = np.zeros((8, 7))
-        self._pose, self._velocity = self._state[TOLD], self._state[TOLD_VELOCITY, :6]
-        self._speeds = np.zeros((2, vehicle.rotors.count))
+        self._state, self._speeds = np.zeros((8, 7)), np.zeros((2, vehicle.rotors.count))
+        self._state[TOLD, 6] = 1.0
         self._commands: Array = self._speeds[COMMANDS]
-        self._reference = np.zeros((3, 7))
-        self._arm = np.zeros((1, 4, vehicle.n_arm))
-        self._cos, self._sin = self._arm[0, COS], self._arm[0, SIN]
-        self._rate, self._acceleration = self._arm[0, RATE], self._arm[0, ACCELERATION]
         self.wrench_A: Array = self._state[ASKED, :6]
-
-    def speeds(self, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """Rotor speeds for one control period, shape (n_r,), live [rad/s]."""
-        q, v, point = measurement.q, measurement.v, self._reference
-        self._pose[:], self._velocity[:] = q[:7], v[:6]
-        np.cos(q[7:], out=self._cos)
-        np.sin(q[7:], out=self._sin)
-        self._rate[:], self._acceleration[:] = v[6:], measurement.arm_acceleration
-        point[0], point[1, :6], point[2, :6] = (
-            reference.pose,
-            reference.velocity,
-            reference.acceleration,
+        reference, arm = np.zeros((3, 7)), np.zeros((1, 4, vehicle.n_arm))
+        self._inputs = np.concatenate(
+            [
+                vehicle.neutral(),
+                np.zeros(6 + 2 * vehicle.n_arm),
+                vehicle.neutral()[:7],
+                np.zeros(12),
+            ]
+        )
+        self._arguments = (
+            *law_of(controller, links_of(vehicle)),
+            self.memory,
+            *self.allotment,
+            self._state,
+            self._speeds,
+            reference,
+            arm,
+            self._inputs,
         )
         with announced("the controller", tick_compiled):
-            tick_compiled(
-                *self._law,
-                self.memory,
-                self.allotment,
-                self._state,
-                self._speeds,
-                point,
-                self._arm,
-            )
+            tick_compiled(*self._arguments)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: integrators to zero, and where the last allocation was found."""
+        self.memory[:] = 0.0
+        start_afresh(self.allotment)
+
+    def speeds(self, m: Measurement, reference: ReferencePoint) -> Array:
+        """Rotor speeds for one control period, shape (n_r,), live [rad/s].
+
+        Raises:
+            NonFiniteWrench: The law returned NaN or infinity.
+        """
+        np.concatenate(
+            (
+                m.q,
+                m.v,
+                m.arm_acceleration,
+                reference.pose,
+                reference.velocity,
+                reference.acceleration,
+            ),
+            out=self._inputs,
+        )
+        self.saturated = tick_compiled(*self._arguments)
+        if not isfinite(sum(self.wrench_A.tolist())):
+            raise NonFiniteWrench(self.wrench_A.copy())
         return self._commands
 
     def allocate(self, wrench_A: Array) -> tuple[Array, bool]:

@@ -1,0 +1,167 @@
+"""Timing in RNEA equivalents: how a row of the table is measured.
+
+RE is the time of one `pin.rnea` call from Python on the same vehicle. Each round times a burst of
+such calls and then a burst of the thing itself, and the ratio is taken round by round, so that the
+mood of the machine cancels. Bursts are timed in CPU time of the process (a busy machine's other
+work does not count), except where several processes or threads work at once: there by the clock.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from fullam.model.vehicle import Vehicle
+
+UNIT_CALLS = 400
+"""Calls of RNEA in a burst: about half a millisecond."""
+
+
+@dataclass
+class Row:
+    """One measurement.
+
+    Attributes:
+        group: Heading under which the summary lists it.
+        name: What was timed.
+        us: Median time of one call [us].
+        re: Median ratio to RNEA; None where the ratio means nothing.
+        floor: The same work in C++ [us].
+        must: Bound that the project promises, in `unit`.
+        aim: Bound that it strives for, in `unit`.
+        value: What the bounds are about, in `unit`.
+        unit: "RE", "us", "x real time", "x" or "" when there are no bounds.
+        note: What else is to be known.
+    """
+
+    group: str
+    name: str
+    us: float
+    re: float | None = None
+    floor: float | None = None
+    must: float | None = None
+    aim: float | None = None
+    value: float | None = None
+    unit: str = ""
+    note: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Whether the bounds are kept; more is better where a speed-up is counted."""
+        if self.must is None or self.value is None:
+            return ""
+        sign = -1.0 if self.unit.startswith("x") else 1.0
+        if self.aim is not None and sign * self.value <= sign * self.aim:
+            return "aim"
+        return "must" if sign * self.value <= sign * self.must else "MISSED"
+
+
+@dataclass
+class Meter:
+    """Measures and collects rows.
+
+    Attributes:
+        rows: What has been measured.
+        skipped: What was not, and why.
+        units: Every RE that was measured [us].
+    """
+
+    rows: list[Row] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
+    units: list[float] = field(default_factory=list)
+
+    def measure(
+        self,
+        benchmark: Any,
+        prepare: Callable[[], Callable[[], Any]],
+        calls: int,
+        vehicle: Vehicle,
+        row: Row,
+        rounds: int = 25,
+        timer: Callable[[], float] = time.process_time,
+    ) -> Row:
+        """Time `calls` calls a round against RNEA and complete the row.
+
+        Args:
+            benchmark: The fixture of pytest-benchmark.
+            prepare: Called before each round, untimed; returns the work of the round.
+            calls: How many calls the work makes.
+            vehicle: Whose RNEA is the unit.
+            row: The row, with us = 0.
+            rounds: How many rounds.
+            timer: What the unit is timed with; must be the benchmark's own timer.
+        """
+        unit, ratios = rnea_timer(vehicle, timer), []
+
+        def setup() -> tuple[tuple[Any], dict[str, Any]]:
+            ratios.append(unit())
+            return (prepare(),), {}
+
+        benchmark.pedantic(_work, setup=setup, rounds=rounds, warmup_rounds=1)
+        if not benchmark.enabled:
+            return row
+        times = [t / calls for t in benchmark.stats.stats.data]
+        units = ratios[-len(times) :]
+        self.units += [u * 1e6 for u in units]
+        row.us = statistics.median(times) * 1e6
+        row.re = statistics.median(t / u for t, u in zip(times, units, strict=True))
+        if row.unit == "RE":
+            row.value = row.re
+        elif row.unit == "us":
+            row.value = row.us
+        self.add(benchmark, row)
+        return row
+
+    def add(self, benchmark: Any, row: Row) -> None:
+        """Keep a complete row, in the summary and in the JSON."""
+        self.rows.append(row)
+        benchmark.extra_info.update(
+            {k: v for k, v in vars(row).items() if v is not None}, verdict=row.verdict
+        )
+
+
+def _work(work: Callable[[], Any]) -> None:
+    work()
+
+
+def rnea_timer(vehicle: Vehicle, timer: Callable[[], float]) -> Callable[[], float]:
+    """A function that times one burst of RNEA and returns seconds per call."""
+    model, data = vehicle.model, vehicle.create_data()
+    rng = np.random.default_rng(0)
+    q, v, a = vehicle.neutral(), rng.normal(size=model.nv), rng.normal(size=model.nv)
+    rnea = pin.rnea
+
+    def burst() -> float:
+        start = timer()
+        for _ in range(UNIT_CALLS):
+            rnea(model, data, q, v, a)
+        return (timer() - start) / UNIT_CALLS
+
+    return burst
+
+
+def report(meter: Meter) -> list[str]:
+    """The summary, line by line."""
+    if not meter.rows:
+        return [f"not run: {reason}" for reason in meter.skipped]
+    lines = [f"RE = {statistics.median(meter.units):.2f} us, the median of {len(meter.units)}"]
+    head = f"{'':52}{'us':>10}{'RE':>8}{'x C++':>7}{'value':>13}{'must':>7}{'aim':>6}  kept"
+    for group in dict.fromkeys(row.group for row in meter.rows):
+        lines += ["", f"{group:<52}{head[52:]}"]
+        for row in (r for r in meter.rows if r.group == group):
+            re = "" if row.re is None else f"{row.re:.1f}"
+            over = "" if row.floor is None else f"{row.us / row.floor:.1f}"
+            value = "" if row.value is None else f"{row.value:.3g} {row.unit}"
+            must, aim = ("" if x is None else f"{x:g}" for x in (row.must, row.aim))
+            lines.append(
+                f"  {row.name:<50}{row.us:>10.2f}{re:>8}{over:>7}{value:>13}{must:>7}{aim:>6}"
+                f"  {row.verdict}{'; ' if row.verdict and row.note else ''}{row.note}".rstrip()
+            )
+    lines += [""] + [f"not run: {reason}" for reason in meter.skipped]
+    return lines

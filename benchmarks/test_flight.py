@@ -1,0 +1,150 @@
+"""Whole flights: the closed loop against real time, and campaigns over seeds."""
+
+from __future__ import annotations
+
+import functools
+import multiprocessing
+import statistics
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+
+import pytest
+import workloads
+from meter import Row, rnea_timer
+
+from fullam.simulation.flight import Flight
+from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.weather import CALM
+
+FLOOR = {"fullam": 4.65, "hextilt": 4.65}
+"""Closed loop in C++, middle of the range measured on hextilt [us a step]."""
+
+STEPS = 1000
+WORKERS = 2
+
+
+@functools.cache
+def plan(vehicle, weather="paper"):
+    weather = workloads.WEATHERS[vehicle] if weather == "paper" else CALM
+    return workloads.plan(vehicle, 0.001 * (STEPS - 1), weather=weather)
+
+
+def closed_loop(benchmark, meter, prepare, flown, name, must, aim, floor):
+    """Complete a row about a closed loop, in times real time."""
+    row = Row(
+        "Closed loop, control and plant at 1 kHz, dc-PID, all realism on",
+        name,
+        0.0,
+        floor=floor,
+        must=must,
+        aim=aim,
+        unit="x real time",
+    )
+    meter.measure(benchmark, prepare, STEPS, flown.nominal, row, rounds=9)
+    if row.us:
+        row.value = flown.simulation.control_period * 1e6 / row.us
+        benchmark.extra_info.update(value=row.value, verdict=row.verdict)
+
+
+@pytest.mark.benchmark(timer=time.process_time)
+@pytest.mark.parametrize("vehicle", workloads.VEHICLES)
+@pytest.mark.parametrize("weather", ["paper", "calm"])
+def test_closed_loop(benchmark, meter, weather, vehicle):
+    flown = plan(vehicle, weather)
+
+    def prepare():
+        flight = Flight(flown)
+
+        def work():
+            for _ in flight.ticks():
+                pass
+
+        return work
+
+    name = f"numpy, {vehicle}, {weather}"
+    closed_loop(benchmark, meter, prepare, flown, name, 20.0, 35.0, FLOOR[vehicle])
+
+
+@pytest.mark.benchmark(timer=time.process_time)
+@pytest.mark.parametrize("vehicle", workloads.VEHICLES)
+@pytest.mark.parametrize("weather", ["paper", "calm"])
+def test_closed_loop_compiled(benchmark, meter, weather, vehicle):
+    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
+    from fullam.simulation.compiled import engine
+    from fullam.simulation.compiled.arrays import job_of
+
+    flown = plan(vehicle, weather)
+
+    def prepare():
+        job = job_of(flown)
+        return lambda: engine.fly_job(flown, job)
+
+    name = f"compiled, {vehicle}, {weather}, record included"
+    closed_loop(benchmark, meter, prepare, flown, name, 60.0, 80.0, FLOOR[vehicle])
+
+
+def fly_some(seeds: list[int], flown: FlightPlan | None = None) -> int:
+    """One worker's share of a campaign in Python."""
+    from fullam.simulation.flight_plan import forecast, perturb
+
+    flown = flown or plan("fullam")
+    for seed in seeds:
+        draw = forecast(flown.weather, seed, flown.t)
+        true = perturb(flown.nominal, flown.weather.uncertainty, draw.parameters)
+        flight = Flight(replace(flown, seed=seed, forecast=draw, true=true))
+        for _ in flight.ticks():
+            pass
+        flight.run()
+    return len(seeds)
+
+
+def campaign(benchmark, meter, work, flights, name, must, aim, rounds=3):
+    """Complete a row about a campaign, by the clock."""
+    row = Row(
+        f"Campaign of 1000-step flights on {WORKERS} cores, by the clock",
+        f"{name}, {flights} flights",
+        0.0,
+        must=must,
+        aim=aim,
+        unit="us",
+    )
+    unit = rnea_timer(plan("fullam").nominal, time.perf_counter)
+    units = [unit() for _ in range(20)]
+    benchmark.pedantic(work, rounds=rounds, warmup_rounds=1)
+    if not benchmark.enabled:
+        return
+    row.us = statistics.median(benchmark.stats.stats.data) / (flights * STEPS) * 1e6
+    row.value, row.re = row.us, row.us * 1e-6 / statistics.median(units)
+    meter.add(benchmark, row)
+
+
+@pytest.mark.benchmark(timer=time.perf_counter)
+def test_campaign_in_processes(benchmark, meter, flights):
+    count = max(WORKERS, flights // 5)
+    shares = [list(range(w, count, WORKERS)) for w in range(WORKERS)]
+    # Spawned and warmed up, as a campaign's workers are.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
+        list(pool.map(fly_some, [[0]] * WORKERS))
+        campaign(
+            benchmark,
+            meter,
+            lambda: list(pool.map(fly_some, shares)),
+            count,
+            "numpy, processes",
+            30.0,
+            26.0,
+        )
+
+
+@pytest.mark.benchmark(timer=time.perf_counter)
+def test_campaign_compiled(benchmark, meter, flights):
+    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
+    from fullam.simulation.compiled.batch import fly_seeds
+
+    def work():
+        for flown in fly_seeds(plan("fullam"), range(flights), threads=WORKERS):
+            assert flown.rows == STEPS
+
+    campaign(benchmark, meter, work, flights, "compiled, threads", 1.0, 0.57)
