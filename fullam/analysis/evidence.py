@@ -32,6 +32,10 @@ Array = NDArray[np.float64]
 
 HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
 
+NEGLIGIBLE = {"mm": 0.1, "deg": 0.01}
+"""A difference below this, a hundredth of the sensor's standard deviation, may be certain and still
+is of no consequence; the finding says so."""
+
 Figure = Callable[["CampaignTable", str, str], Array]
 
 
@@ -156,7 +160,10 @@ def _judge_paired(
     elif interval.high < -test.tolerance:
         verdict = FAILS
     lost = int((~complete).sum())
-    return Finding(interval, verdict, note=f"{lost} pairs incomplete" if lost else "")
+    notes = [f"{lost} pairs incomplete"] if lost else []
+    if max(abs(interval.low), abs(interval.high)) < NEGLIGIBLE.get(test.unit, 0.0):
+        notes.append("too little to matter")
+    return Finding(interval, verdict, note="; ".join(notes))
 
 
 def _values(figure: str, table: CampaignTable, scenario: str, contender: str) -> Array:

@@ -172,7 +172,8 @@ named; a flight that never settles counts as infinitely late, one that is lost a
 bad.</p> {report_tables.claims_table(result)}
 <h2 id="rival">dc-PID against Backstepping</h2>
 <p>Both meet the same weather under the same seed and were tuned by the same procedure, so the
-difference of a pair is the controller’s.</p>
+difference of a pair is the controller’s. (In the table above, the columns of dc-PID+ are not like
+for like: it has a Kalman filter, Backstepping the paper’s filter.)</p>
 {_figure(*drawn["paired"])}
 <h2 id="targets">Beyond the paper</h2>
 <p>What this project asks of dc-PID+ with the Kalman filter; dc-PID is shown beside it.</p>

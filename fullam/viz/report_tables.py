@@ -14,12 +14,14 @@ AXES = ("x", "y", "z", "φ", "ψ", "γ")
 
 
 def number(value: float, unit: str = "") -> str:
-    """Three digits at most; infinity is "never", NaN a dash."""
+    """Three digits at most; infinity is "never" in seconds, NaN a dash."""
     if value != value:
         return "–"
     if value in (float("inf"), float("-inf")):
         return "never" if unit == "s" else "∞"
     size = abs(value)
+    if size < 0.00095:
+        return f"{value:.0e}".replace("-", "−") if size else "0"
     digits = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 0.095 else 3
     return f"{value:.{digits}f}".replace("-", "−")
 

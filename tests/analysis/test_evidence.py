@@ -109,6 +109,14 @@ def test_a_paired_claim_falls_whichever_way_the_flights_do():
     assert judge(paired_claim(0.5), jitter(weather + 0.2, weather), "me", rivals).verdict == HOLDS
 
 
+def test_a_certain_difference_that_does_not_matter_is_called_so():
+    weather = RNG.normal(5.0, 2.0, 40)
+    tiny = judge(paired_claim(), jitter(weather, weather + 0.005), "me", {RIVAL: "him"})
+    assert (tiny.verdict, tiny.note) == (HOLDS, "too little to matter")
+    plain = judge(paired_claim(), jitter(weather, weather + 0.05), "me", {RIVAL: "him"})
+    assert plain.note == ""
+
+
 def test_a_lost_flight_takes_its_pair_with_it_and_is_told():
     finding = judge(paired_claim(), jitter([1.0] * 9, [2.0] * 9, "diverged"), "me", {RIVAL: "him"})
     assert finding.interval.count == 8

@@ -116,6 +116,8 @@ def test_the_recorded_runs_stand_beside_every_reading(flown):
         (-12.34, "mm", "−12.3"),
         (0.0123, "deg", "0.012"),
         (123.4, "mm", "123"),
+        (-0.0001, "mm", "−1e−04"),
+        (0.0, "mm", "0"),
         (float("inf"), "s", "never"),
         (float("nan"), "s", "–"),
     ],
