@@ -32,7 +32,7 @@ def with_joints(n):
         tool_length=0.03,
         link_masses=[0.02] * (n + 1),
     )
-    return workloads.record(vehicle, 200)
+    return workloads.record(vehicle)
 
 
 @functools.cache
@@ -41,7 +41,7 @@ def with_rotors(n):
     vehicle = design_vehicle(
         name=f"{n} rotors", rotor_count=n, ring_radius=0.045 * n, k_f=K_F * 8 / n
     )
-    return workloads.record(vehicle, 200)
+    return workloads.record(vehicle)
 
 
 def tick_row(benchmark, meter, states, compiled):
@@ -57,7 +57,7 @@ def tick_row(benchmark, meter, states, compiled):
             return compiled_replay(compiled_tick(states, "dc-pid"), states)
         return replay(states.tick("dc-pid"), states)
 
-    meter.measure(benchmark, prepare, len(states.measurements), states.vehicle, row, rounds=11)
+    meter.measure(benchmark, prepare, states.calls, states.vehicle, row, rounds=11)
 
 
 @pytest.mark.parametrize("compiled", [False, True])

@@ -33,6 +33,12 @@ WEATHERS = {
 KILOHERTZ = SimulationSettings(control_period=0.001, plant_period=0.001, delay=0.002)
 """Control and plant at 1 kHz, with a late pose."""
 
+BANK = 100
+"""Ticks of a bank: few enough to stay in the caches, as the one live measurement of a loop does."""
+
+LAPS = 4
+"""How often a burst goes through a bank."""
+
 SETTLED = 1000
 """Ticks that a bank leaves out: the start of its flight."""
 
@@ -73,6 +79,11 @@ class Bank:
     measurements: list[Measurement]
     references: list[ReferencePoint]
 
+    @property
+    def calls(self) -> int:
+        """Ticks of a burst."""
+        return LAPS * len(self.measurements)
+
     def tick(self, controller: str, method: str = "ladder") -> ControlTick:
         """A controller at 1 kHz with its allocator, before its first tick."""
         law = make_controller(controller, self.vehicle, 0.001, self.axes)
@@ -80,12 +91,12 @@ class Bank:
         return ControlTick(law, Allocator(self.vehicle.rotors, axes=self.axes, method=method))
 
 
-def record(vehicle: Vehicle | str, ticks: int = 400) -> Bank:
+def record(vehicle: Vehicle | str, ticks: int = BANK) -> Bank:
     """A bank from a calm flight around the circle."""
     return bank_of(plan(vehicle, 0.001 * (SETTLED + ticks)))
 
 
-def record_demanding(vehicle: str, ticks: int = 400) -> Bank:
+def record_demanding(vehicle: str, ticks: int = BANK) -> Bank:
     """A bank from a flight in noise and gusts whose reference jumps four times a second.
 
     The jumps are metres and tens of degrees and are not blended, so most of its wrenches are out of
@@ -93,13 +104,14 @@ def record_demanding(vehicle: str, ticks: int = 400) -> Bank:
     """
     flown = plan(vehicle, 0.001 * (SETTLED + ticks), weather=WEATHERS[vehicle])
     rng = np.random.default_rng(0)
+    start = np.array([0.0, 0.0, 10.0])
     times = tuple(np.arange(0.0, flown.scenario.duration, 0.25).tolist())
     jumps = Waypoints(
         times,
         tuple((rng.uniform(-3.0, 3.0, 3) + np.array([0.0, 0.0, 10.0])).tolist() for _ in times),
         tuple(rng.uniform(-60.0, 60.0, 3).tolist() for _ in times),
     )
-    scenario = replace(flown.scenario, initial_position=(0.0, 0.0, 10.0), reference=jumps)
+    scenario = replace(flown.scenario, initial_position=tuple(start), reference=jumps)
     unblended = {"max_acceleration": None, "max_angular_acceleration": None}
     wide = replace(KILOHERTZ, max_position_error=50.0, max_attitude_error_deg=179.9)
     return bank_of(prepare(scenario, vehicle=flown.nominal, settings=unblended, simulation=wide))

@@ -43,6 +43,9 @@ preferred speeds are honoured at the bounds too.
 NULL_CUTOFF = 1e-14
 """Singular values of A_F below this share of the norm of A are zero: they are rounding."""
 
+FEW_MISFITS = 2
+"""With so few bounds that do not fit, the last solution is a good start without asking further."""
+
 LARGEST_STORE = 8192
 """How many active sets are kept; 8 rotors have 6561 at most, a flight meets a few dozen."""
 
@@ -101,9 +104,21 @@ class ActiveSet:
         high: Largest z accepted, one per unknown.
         free: 1.0 where free, 0.0 where held, shape (n,).
         held: The bound where held, 0.0 where free, shape (n,).
+        free_ones: Which are free.
+        held_ones: Which are held.
     """
 
-    __slots__ = ("free", "gain", "held", "high", "low", "offset", "status")
+    __slots__ = (
+        "free",
+        "free_ones",
+        "gain",
+        "held",
+        "held_ones",
+        "high",
+        "low",
+        "offset",
+        "status",
+    )
 
     def __init__(
         self, status: bytes, A: Array, weights: Array, eps: float, prior: Array, upper: Array
@@ -117,6 +132,8 @@ class ActiveSet:
         self.low = tuple(np.where(free, -BOUND_TOLERANCE, -MULTIPLIER_TOLERANCE).tolist())
         self.high = tuple(np.where(free, upper + BOUND_TOLERANCE, np.inf).tolist())
         self.free = free.astype(float)
+        self.free_ones = tuple(np.flatnonzero(free).tolist())
+        self.held_ones = tuple(np.flatnonzero(~free).tolist())
         self.held = np.where(codes == AT_UPPER, upper, 0.0)
 
 
@@ -160,11 +177,16 @@ class BoxLeastSquares:
         self.pivots = 0
         self.cycles = 0
         self._largest_pivots = 100 + 20 * n
+        self._is_warm = False
         self._sets: dict[bytes, ActiveSet] = {}
         self._start = self._current = self._set(bytes(n))
         self.gain, self.offset = self._start.gain, self._start.offset
         self._AT = np.ascontiguousarray(self.A.T)
         self._diagonal = np.einsum("ij,ij->j", self.A, self.A) + eps
+        # The rows of the gradient over the diagonal of the Hessian.
+        self._AT_scaled = np.ascontiguousarray(self._AT / self._diagonal[:, None])
+        self._eps_scaled = eps / self._diagonal
+        self._has_prior = bool(self.prior.any())
         self._bounds = upper.tolist()
         self._lower = np.zeros(n)
         self._z = np.empty(n)
@@ -180,6 +202,7 @@ class BoxLeastSquares:
     def reset(self) -> None:
         """Forget the warm start, so that the next answer depends on its wrench alone."""
         self._current = self._start
+        self._is_warm = False
         self.solution[:] = self.prior
 
     def remember(self) -> WarmStart:
@@ -210,23 +233,28 @@ class BoxLeastSquares:
     def solve(self, wrench: Array) -> bool:
         """Find the minimiser for a finite wrench, shape (6,); True if `solution` holds it.
 
-        The last active set is tried first. If its bounds do not fit, the search starts from the
-        last solution or from the clipped unconstrained minimiser, whichever costs less. False means
+        The last active set is tried first. If more than a few of its bounds do not fit, the search
+        starts from the last solution or from the clipped unconstrained minimiser, whichever costs
+        less; else from the last solution. False means
         that rounding kept the search from settling: a set came back, or the limit of changes was
         reached; `solution` is then feasible and the best point found.
         """
         active, u = self._current, self.solution
         z = active.gain.dot(wrench, self._z)
         z += active.offset
+        misfits = 0
         for value, low, high in zip(z.tolist(), active.low, active.high, strict=True):
             if not low <= value <= high:
-                break
-        else:
+                misfits += 1
+        if misfits == 0:
             np.multiply(z, active.free, out=u)
             u += active.held
             np.maximum(u, self._lower, out=u)  # what the tolerance let through
             np.minimum(u, self.upper, out=u)
             return True
+        if misfits <= FEW_MISFITS and self._is_warm:
+            return self._search(wrench, bytearray(active.status), u.tolist())
+        self._is_warm = True
         np.add(self.gain.dot(wrench, z), self.offset, out=z)
         clipped = np.minimum(np.maximum(z, self._lower), self.upper)
         if self.objective(clipped, wrench) < self.objective(u, wrench):
@@ -247,18 +275,18 @@ class BoxLeastSquares:
             z += active.offset
             goal = z.tolist()
             share, blocking, worst, leaving = 1.0, -1, -MULTIPLIER_TOLERANCE, -1
-            for i, side in enumerate(status):
-                if side != FREE:
-                    if goal[i] < worst:
-                        worst, leaving = goal[i], i
-                elif goal[i] < -BOUND_TOLERANCE or goal[i] > bounds[i] + BOUND_TOLERANCE:
-                    bound = 0.0 if goal[i] < 0.0 else bounds[i]
-                    reached = (bound - u[i]) / (goal[i] - u[i])
+            for i in active.held_ones:
+                if goal[i] < worst:
+                    worst, leaving = goal[i], i
+            for i in active.free_ones:
+                aim = goal[i]
+                if aim < -BOUND_TOLERANCE or aim > bounds[i] + BOUND_TOLERANCE:
+                    reached = ((0.0 if aim < 0.0 else bounds[i]) - u[i]) / (aim - u[i])
                     if reached < share:
                         share, blocking = reached, i
-            for i, side in enumerate(status):
-                if side == FREE:
-                    u[i] = min(max(u[i] + share * (goal[i] - u[i]), 0.0), bounds[i])
+            for i in active.free_ones:
+                moved = u[i] + share * (goal[i] - u[i])
+                u[i] = 0.0 if moved < 0.0 else bounds[i] if moved > bounds[i] else moved
             self.pivots += 1
             if blocking >= 0:
                 lower = goal[blocking] < 0.0
@@ -286,16 +314,15 @@ class BoxLeastSquares:
         Fills `weighted_residual` with A u - d and returns a live buffer.
         """
         residual = self.A.dot(u, self.weighted_residual)
-        residual -= np.multiply(self.weights, wrench, out=self._target)
-        step = self._AT.dot(residual, self._step)
-        pull = np.subtract(u, self.prior, out=self._z)
-        pull *= self.eps
-        step += pull
-        step /= self._diagonal
-        np.subtract(u, step, out=step)
+        np.subtract(residual, np.multiply(self.weights, wrench, self._target), residual)
+        step = self._AT_scaled.dot(residual, self._step)
+        pull = np.multiply(self._eps_scaled, u, self._z)
+        if self._has_prior:
+            pull -= self._eps_scaled * self.prior
+        np.subtract(u, np.add(step, pull, step), step)
         np.maximum(step, self._lower, out=step)
         np.minimum(step, self.upper, out=step)
-        return np.subtract(u, step, out=step)
+        return np.subtract(u, step, step)
 
     def kkt_residual(self, u: Array, wrench: Array) -> float:
         """Largest absolute entry of `step`, in u: 0 at the minimiser and nowhere else."""

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from pinocchio import rnea
 
 from fullam.control.controller import (
     ALL_AXES,
@@ -195,6 +196,21 @@ class DcPid(PidBase):
             self._at_hand_A = np.dot(u.reshape(2, 3), R).ravel()
         return u
 
+    @property
+    def u_dc(self) -> Array:
+        """Compensation of the last tick, world axes, (6,), live; made when it is asked for."""
+        if self._u_dc_is_due:
+            self._joint_one.platform.dot(self._a_A, self._inertial_A)
+            np.subtract(self._root_A, self._inertial_A, self._u_dc_A)
+            self._u_dc_A_rows.dot(self._R_AW, self._u_dc_rows)
+            self._u_dc_is_due = False
+        return self._u_dc
+
+    @u_dc.setter
+    def u_dc(self, buffer: Array) -> None:
+        self._u_dc = buffer
+        self._u_dc_is_due = False
+
     def _root_wrench(self, m: Measurement) -> Array:
         """Wrench u of eq. (26) as the root's generalised force: the same sum, read at its end.
 
@@ -203,15 +219,13 @@ class DcPid(PidBase):
         `JointOneCompensation` reads u_dc at joint 1, as eq. (20) has it; a test holds the one to
         the other.
         """
-        engine, R, u_dc_A = self._joint_one, self.law.rotation, self._u_dc_A
-        self._u_pid_rows.dot(R, self._a_A_rows)
+        engine = self._joint_one
+        self._u_pid_rows.dot(self.law.rotation, self._a_A_rows)
         engine.v[3:] = m.v[3:]
         engine.a[6:] = m.arm_acceleration
-        pin.rnea(engine.model, engine.data, m.q, engine.v, engine.a)
-        engine.platform.dot(self._a_A, self._inertial_A)
-        np.subtract(self._root_A, self._inertial_A, u_dc_A)
+        rnea(engine.model, engine.data, m.q, engine.v, engine.a)
         self._root_A_rows.dot(self._R_AW, self._wrench_rows)
-        self._u_dc_A_rows.dot(self._R_AW, self._u_dc_rows)
+        self._u_dc_is_due = True
         if self._bounded:
             self._bound()
         return self._wrench

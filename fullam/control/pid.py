@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from pinocchio import difference
 
 from fullam.control.controller import (
     ALL_AXES,
@@ -157,7 +158,7 @@ class PidLaw:
         """Write u_pid [m/s^2, rad/s^2] to `out`, world axes; `rotation` becomes R_WA."""
         pose = m.q[:7]
         R = self._attitude.look(pose)
-        e = pin.difference(self._model, pose, ref.pose)
+        e = difference(self._model, pose, ref.pose)
         self._position_error[:] = e[:3]
         R.dot(e[3:], self._attitude_error)
         # Rows of v as two 3-vectors in {A}: one product turns both to world axes.
@@ -179,14 +180,23 @@ class PidLaw:
         Args:
             missing_acceleration: delivered minus commanded, shape (6,) [m/s^2, rad/s^2].
         """
-        i = self.integral
-        step = np.abs(missing_acceleration) * (self.anti_windup * self.period)
-        into_limit = i * missing_acceleration < 0.0
-        i -= np.where(into_limit, np.sign(i) * np.minimum(step, np.abs(i)), 0.0)
+        i, rate = self.integral, self.anti_windup * self.period
+        pairs = zip(i.tolist(), missing_acceleration.tolist(), strict=True)
+        for k, (value, missing) in enumerate(pairs):
+            if value * missing < 0.0:
+                step = min(abs(missing) * rate, abs(value))
+                i[k] = value - step if value > 0.0 else value + step
 
 
 class PidBase(Controller):
-    """What the controllers built on eq. (19) share: the law, the bounds, the anti-windup."""
+    """What the controllers built on eq. (19) share: the law, the bounds, the anti-windup.
+
+    Attributes:
+        law: Eq. (19).
+        attitude: R_WA of the last measurement, shape (3, 3), live.
+        rigid_inertia: Inertia of the whole vehicle about the origin of {A} with the arm neutral,
+            {A} axes, shape (3, 3) [kg m^2].
+    """
 
     Settings = PidSettings
     settings: PidSettings
@@ -201,6 +211,7 @@ class PidBase(Controller):
         """Bind the law; see `Controller`."""
         super().__init__(vehicle, settings, period, axes)
         self.law = PidLaw(self.settings, period, self.axes)
+        self.attitude: Array = self.law.rotation
         self._wrench: Array = np.zeros(6)
         self._bounded = self.settings.wrench_bounds is not None
         if self.settings.wrench_bounds is not None:
@@ -229,9 +240,9 @@ class PidBase(Controller):
 
     def _drain(self, missing_W: Array) -> None:
         R = self.law.rotation
-        missing = np.empty(6)
-        missing[:3] = missing_W[:3] / self._mass
-        missing[3:] = R @ (self._inertia_inverse @ (R.T @ missing_W[3:]))
+        missing = missing_W / self._mass
+        missing_A = missing_W[3:].dot(R)
+        R.dot(self._inertia_inverse.dot(missing_A), missing[3:])
         self.law.drain(missing)
 
     def delivered(self, wrench_W: Array) -> None:

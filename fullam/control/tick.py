@@ -39,6 +39,8 @@ class ControlTick:
         vehicle = controller.vehicle
         self._command_rows = self.command.reshape(2, 3)
         self._wrench_A_rows = self.wrench_A.reshape(2, 3)
+        # A law that has worked out the attitude of the measurement may share it.
+        self._shared: Array | None = getattr(controller, "attitude", None)
         self._attitude = AttitudeView()
         self._model, self._data = vehicle.model, vehicle.create_data()
         self._at_origin = vehicle.neutral()
@@ -64,13 +66,15 @@ class ControlTick:
         command = self.controller.wrench(t, m, reference)
         if command is not self.command:
             self.command, self._command_rows = command, command.reshape(2, 3)
-        R = self._attitude.look(m.q[:7]) if R_thrust is None else R_thrust
-        self._command_rows.dot(R, self._wrench_A_rows)
+        if R_thrust is None:
+            shared = self._shared
+            R_thrust = self._attitude.look(m.q[:7]) if shared is None else shared
+        self._command_rows.dot(R_thrust, self._wrench_A_rows)
         allocator = self.allocator
         u = allocator.allocate(self.wrench_A)
         self.saturated = allocator.saturated
         if self.saturated:
-            u = self._allocate_again(m, R)
+            u = self._allocate_again(m, R_thrust)
         np.sqrt(u, self._speeds)
         return np.multiply(self._speeds, self._max_speeds, self._speeds)
 

@@ -74,14 +74,19 @@ class Anticipation:
         """Prepare the workspace."""
         object.__setattr__(self, "_model", pose_model())
         object.__setattr__(self, "_attitude", AttitudeView())
+        object.__setattr__(self, "_world", np.zeros(6))
 
     def advance(self, k: int, m: Measurement) -> None:
         """Advance pose and velocity of the measurement by row k: the estimator's lag."""
         attitude: AttitudeView = self._attitude  # type: ignore[attr-defined]
-        world = m.v[:6].reshape(2, 3) @ attitude.look(m.q[:7]).T
-        world += self.velocity[k].reshape(2, 3)
-        m.q[:7] = pin.integrate(self._model, m.q[:7], self.pose[k])  # type: ignore[attr-defined]
-        np.dot(world, attitude.look(m.q[:7]), out=m.v[:6].reshape(2, 3))
+        world: Array = self._world  # type: ignore[attr-defined]
+        pose, velocity = m.q[:7], m.v[:6].reshape(2, 3)
+        R = attitude.look(pose)
+        rows = world.reshape(2, 3)
+        velocity.dot(R.T, rows)
+        np.add(world, self.velocity[k], world)
+        pose[:] = pin.integrate(self._model, pose, self.pose[k])  # type: ignore[attr-defined]
+        rows.dot(attitude.look(pose), velocity)
 
     def attitude_of_thrust(self, k: int, m: Measurement) -> Array:
         """R_WA when the rotors will have followed: the attitude to turn a wrench to {A} with."""

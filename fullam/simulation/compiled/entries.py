@@ -46,6 +46,9 @@ from fullam.simulation.compiled.rotations import (
     write,
 )
 
+IN_REACH, OUT_OF_REACH, NOT_FINITE = 0, 1, 2
+"""What a tick says of its wrench."""
+
 
 def _build(digest: str) -> tuple[Any, ...]:
     """The entry points, keyed by the digest of all sources."""
@@ -79,8 +82,10 @@ def _build(digest: str) -> tuple[Any, ...]:
         """One control period without sensors: law, turn to {A}, allocation, rotor speeds.
 
         `inputs` holds q, v, ddtheta, then pose, velocity and acceleration of the reference, end to
-        end. Arrays come one by one, because numba looks at a tuple of them for 10 us. True if the
-        wrench is out of reach.
+        end. Arrays come one by one, because numba looks at a tuple of them for 10 us.
+
+        Returns:
+            IN_REACH, OUT_OF_REACH or NOT_FINITE.
         """
         version = digest  # noqa: F841
         n = links.shape[0] - 1
@@ -99,7 +104,7 @@ def _build(digest: str) -> tuple[Any, ...]:
             numbers, links, memory, state, reference, reference[1:], reference[2:], 0, arm, 0
         )
         if not loop.ask(memory, state, sixes, R):
-            return False
+            return NOT_FINITE
         saturated = allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
         if saturated:
             m, s, _ = composite(links, arm, 0)
@@ -111,7 +116,7 @@ def _build(digest: str) -> tuple[Any, ...]:
             loop.deliver(numbers, links, memory, R, turn(R, force), turn(R, moment), arm, 0)
         for i in range(box.shape[0]):
             speeds[COMMANDS, i] = box[i, MAX_SPEED] * math.sqrt(unknowns[U, i])
-        return saturated
+        return OUT_OF_REACH if saturated else IN_REACH
 
     @entry
     def step(links, rotors, plant, arm, row, state, speeds, gusts):

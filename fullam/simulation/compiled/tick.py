@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +19,7 @@ from fullam.simulation.compiled.arrays import (
     refuse,
     start_afresh,
 )
+from fullam.simulation.compiled.entries import NOT_FINITE, OUT_OF_REACH
 from fullam.simulation.compiled.entries import allot as allot_compiled
 from fullam.simulation.compiled.entries import tick as tick_compiled
 from fullam.simulation.compiled.integrate import ASKED, COMMANDS, TOLD
@@ -77,6 +76,8 @@ class CompiledTick:
         )
         with announced("the controller", tick_compiled):
             tick_compiled(*self._arguments)
+        # The arrays are ours and always of these types: no need to look at them every time.
+        self._tick = tick_compiled.get_overload(tick_compiled.signatures[0])
         self.reset()
 
     def reset(self) -> None:
@@ -101,9 +102,10 @@ class CompiledTick:
             ),
             out=self._inputs,
         )
-        self.saturated = tick_compiled(*self._arguments)
-        if not isfinite(sum(self.wrench_A.tolist())):
+        said = self._tick(*self._arguments)
+        if said == NOT_FINITE:
             raise NonFiniteWrench(self.wrench_A.copy())
+        self.saturated = said == OUT_OF_REACH
         return self._commands
 
     def allocate(self, wrench_A: Array) -> tuple[Array, bool]:
