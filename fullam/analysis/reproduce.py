@@ -42,8 +42,8 @@ from fullam.simulation.weather import PAPER, Weather
 if TYPE_CHECKING:
     from fullam.analysis.campaign_store import CampaignTable
 
-QUICK_RUNS = 3
-"""Seeds of a quick look: enough to see that everything works, not to believe a number."""
+QUICK_RUNS = 8
+"""Seeds of a quick look: enough to see that everything works, not to believe every verdict."""
 
 RECORDED_SEEDS = 10
 """Seeds of our side of the comparison with the recorded runs; each of those is one flight."""

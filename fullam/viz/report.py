@@ -147,7 +147,7 @@ def _page(result: Reproduction, drawn: dict[str, tuple[Picture, str]]) -> str:
     )
     quick = (
         '<p class="warning"><b>A quick look:</b> '
-        f"{result.runs} seeds a scenario show that everything works, and prove nothing. "
+        f"{result.runs} seeds a scenario show that everything works, and prove little. "
         "<code>fullam reproduce --runs 100</code> flies the real thing.</p>"
         if result.quick or result.runs <= QUICK_RUNS
         else ""
