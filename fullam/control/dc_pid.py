@@ -135,6 +135,8 @@ class DcPid(PidBase):
 
     Settings = DcPidSettings
     settings: DcPidSettings
+    _u_dc: Array
+    _u_dc_is_due: bool = False
 
     def __init__(
         self,
