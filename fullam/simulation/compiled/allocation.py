@@ -24,7 +24,7 @@ from fullam.control.box_qp import (
     NULL_CUTOFF,
 )
 from fullam.simulation.compiled.integrate import ASKED
-from fullam.simulation.compiled.jit import compiled
+from fullam.simulation.compiled.jit import compiled, merged
 from fullam.simulation.compiled.rotations import subtract, three, write
 
 Array = NDArray[np.float64]
@@ -322,7 +322,7 @@ def pivot(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
     return False
 
 
-@compiled
+@merged
 def allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
     """Allocate the finite wrench in row WANTED of `sixes`; True if bounds cost wrench.
 
@@ -356,7 +356,7 @@ def allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counter
     return square > scales[TOLERANCE_SQUARED]
 
 
-@compiled
+@merged
 def achieved(box, unknowns):
     """Force and moment of the allocated speeds in {A} axes."""
     a0 = a1 = a2 = a3 = a4 = a5 = 0.0

@@ -6,7 +6,7 @@ import math
 
 from fullam.simulation.compiled.dynamics import composite, rigid_bias, rigid_inertia, solve_rigid
 from fullam.simulation.compiled.integrate import TOLD_VELOCITY
-from fullam.simulation.compiled.jit import compiled
+from fullam.simulation.compiled.jit import compiled, merged
 from fullam.simulation.compiled.law import (
     COMMAND,
     DRAIN,
@@ -56,7 +56,7 @@ def attitude_derivative(e, w, w_d):
     return along(along(relative, -0.5, sideways), k, cross(e, sideways))
 
 
-@compiled
+@merged
 def backstepping_wrench(numbers, links, memory, R, state, e, de, rate, feedforward, k, arm, row):
     """Wrench of the law, into the memory, and the integral moved on.
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.model.chain import LinkChain
-from fullam.simulation.compiled.jit import compiled
+from fullam.simulation.compiled.jit import compiled, merged
 from fullam.simulation.compiled.rotations import (
     add,
     along,
@@ -44,18 +44,15 @@ LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 def chain_rows(chain: LinkChain) -> Array:
     """The chain as rows, shape (n + 1, WIDTH), link frames turned so that joint axes are z."""
     rows = np.zeros((chain.n + 1, WIDTH))
-    before = np.eye(3)
-    for i in range(chain.n + 1):
-        Q = np.eye(3) if i == 0 else _frame_with_z(chain.axis[i - 1])
-        inertia = Q.T @ chain.inertia[i] @ Q
-        rows[i, MASS] = chain.mass[i]
-        rows[i, COM : COM + 3] = Q.T @ chain.com[i]
-        rows[i, INERTIA : INERTIA + 6] = inertia[np.triu_indices(3)]
-        rows[i, TURN : TURN + 9] = np.eye(3).ravel()
-        if i > 0:
-            rows[i, TURN : TURN + 9] = (before.T @ chain.placement_R[i - 1] @ Q).ravel()
-            rows[i, OFFSET : OFFSET + 3] = before.T @ chain.placement_P[i - 1]
-        before = Q
+    frames = np.stack([np.eye(3), *(_frame_with_z(axis) for axis in chain.axis)])
+    back = frames.transpose(0, 2, 1)
+    rows[:, MASS] = chain.mass
+    rows[:, COM : COM + 3] = (back @ chain.com[:, :, None])[:, :, 0]
+    inertia = back @ chain.inertia @ frames
+    rows[:, INERTIA : INERTIA + 6] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    rows[0, TURN : TURN + 9] = np.eye(3).ravel()
+    rows[1:, TURN : TURN + 9] = (back[:-1] @ chain.placement_R @ frames[1:]).reshape(-1, 9)
+    rows[1:, OFFSET : OFFSET + 3] = (back[:-1] @ chain.placement_P[:, :, None])[:, :, 0]
     return rows
 
 
@@ -145,7 +142,7 @@ def sweep_arm(links, arm, row, w, dw, a):
     return force, moment, first, (Jxx, Jxy, Jxz, Jyy, Jyz, Jzz)
 
 
-@compiled
+@merged
 def about_origin(links):
     """Inertia of the platform about the origin of {A}, as in `symmetric`."""
     m, c, own = links[0, MASS], three(links, 0, COM), six(links, 0, INERTIA)
@@ -159,7 +156,7 @@ def about_origin(links):
     )
 
 
-@compiled
+@merged
 def platform_body(links):
     """Mass, first moment and inertia of the platform alone about the origin of {A}."""
     m = links[0, MASS]
@@ -210,7 +207,7 @@ def solve_rigid(m, s, J, force, moment):
     return scale(k, subtract(force, cross(dw, s))), dw
 
 
-@compiled
+@merged
 def compensation(links, arm, row, w, dw, ddp, g):
     """u_dc of eq. (20) at the wanted acceleration, {A} axes at the origin of {A}.
 
@@ -222,7 +219,7 @@ def compensation(links, arm, row, w, dw, ddp, g):
     return add(force, f), add(moment, t)
 
 
-@compiled
+@merged
 def platform_acceleration(links, arm, row, w, g, force, moment):
     """Acceleration of the platform under a wrench, the arm's motion being prescribed.
 
@@ -249,7 +246,7 @@ def platform_acceleration(links, arm, row, w, g, force, moment):
     return solve_rigid(total_mass(links), add(first, s), sum_six(J, J0), F, M)
 
 
-@compiled
+@merged
 def total_mass(links):
     """Mass of the whole vehicle."""
     m = 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.simulation.compiled.dynamics import platform_acceleration
-from fullam.simulation.compiled.jit import compiled
+from fullam.simulation.compiled.jit import compiled, merged
 from fullam.simulation.compiled.rotations import (
     add,
     along,
@@ -67,7 +67,7 @@ class Craft(NamedTuple):
     plant: Array
 
 
-@compiled
+@merged
 def acceleration(links, rotors, g, arm, row, stage, speeds, gusts, k, q, v, w):
     """Derivatives of v and w in body axes at a stage: 0 start, 1 middle, 2 end of the step."""
     R = matrix(q)
@@ -138,7 +138,7 @@ def rk4(links, rotors, g, dt, arm, row, speeds, gusts, k, p, q, v, w):
     return p, q, along(v, dt / 6.0, a), along(w, dt / 6.0, b)
 
 
-@compiled
+@merged
 def advance(links, rotors, plant, arm, row, state, speeds, gusts, k):
     """Fly one control period; true pose, velocity and rotor speeds are rewritten.
 

@@ -35,6 +35,15 @@ def compiled(function: Callable[..., Any]) -> Any:
     return numba.njit(**OPTIONS)(function)
 
 
+def merged(function: Callable[..., Any]) -> Any:
+    """Decorator of inner functions that are called from one place or two: merged into the caller.
+
+    A call hands over every field of every array one by one, some eighty for a function of nine
+    arrays, which takes longer than what some of them do.
+    """
+    return numba.njit(inline="always", **OPTIONS)(function)
+
+
 def entry(function: Callable[..., Any]) -> Any:
     """Decorator of the entry points: machine code that is kept on disk.
 

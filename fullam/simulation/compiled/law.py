@@ -24,7 +24,7 @@ from fullam.simulation.compiled.integrate import (
     TOLD,
     TOLD_VELOCITY,
 )
-from fullam.simulation.compiled.jit import compiled
+from fullam.simulation.compiled.jit import compiled, merged
 from fullam.simulation.compiled.rotations import (
     add,
     difference,
@@ -73,7 +73,7 @@ class Law(NamedTuple):
     links: Array
 
 
-@compiled
+@merged
 def filter_pose(state, gain, per_period):
     """Step y <- y (+) gain (x (-) y) and its rate; see `fullam.control.filters`."""
     q = four(state, ESTIMATE, 3)
@@ -86,7 +86,7 @@ def filter_pose(state, gain, per_period):
     write_four(state, ESTIMATE, 3, turned(q, scale(gain, e)))
 
 
-@compiled
+@merged
 def errors(R, state, target, rate, k):
     """Pose error and velocity error in world axes, six numbers each.
 
@@ -104,7 +104,7 @@ def errors(R, state, target, rate, k):
     return (d[0], d[1], d[2], e[0], e[1], e[2]), (v[0], v[1], v[2], w[0], w[1], w[2])
 
 
-@compiled
+@merged
 def integrate_error(numbers, memory, e):
     """Move the integrator on, within its limit."""
     for i in range(6):
@@ -131,7 +131,7 @@ def drain_pid(numbers, memory, R, force, moment):
         release(memory, 3 + i, b[i], numbers[MISC, DRAIN])
 
 
-@compiled
+@merged
 def pid_wrench(numbers, links, memory, R, w, e, de, feedforward, k, arm, row):
     """Wrench of PID or dc-PID, into the memory, and the integrator moved on.
 
@@ -178,7 +178,7 @@ def pid_wrench(numbers, links, memory, R, w, e, de, feedforward, k, arm, row):
     keep_in_hand(numbers, memory, R, three(memory, COMMAND, 0), three(memory, COMMAND, 3))
 
 
-@compiled
+@merged
 def dc_pid_wrench(numbers, links, memory, R, w, a, b, arm, row):
     """Wrench of eq. (26) in world axes for u_pid = (a, b) in {A} axes; u_dc into the memory."""
     m, s, J = platform_body(links)
@@ -203,7 +203,7 @@ def dc_pid_wrench(numbers, links, memory, R, w, a, b, arm, row):
     return turn(R, force), turn(R, moment)
 
 
-@compiled
+@merged
 def keep_in_hand(numbers, memory, R, force, moment):
     """Keep the wrench (world axes) that eq. (21) is to be solved with in the next period."""
     if numbers[MISC, KIND] == DC_PID_PREVIOUS:

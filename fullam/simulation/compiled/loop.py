@@ -42,7 +42,7 @@ from fullam.simulation.compiled.integrate import (
     Craft,
     advance,
 )
-from fullam.simulation.compiled.jit import compiled
+from fullam.simulation.compiled.jit import compiled, merged
 from fullam.simulation.compiled.law import (
     BACKSTEPPING,
     COMMAND,
@@ -164,7 +164,7 @@ class Job(NamedTuple):
     speeds: Array
 
 
-@compiled
+@merged
 def diverged(rules, state, target, k):
     """Whether the pose has left the bounds of sense around the target (NaN has)."""
     square = cosine = 0.0
@@ -176,7 +176,7 @@ def diverged(rules, state, target, k):
     return not (math.sqrt(square) <= rules[MAX_DISTANCE] and angle <= rules[MAX_ANGLE])
 
 
-@compiled
+@merged
 def sense(rules, noise, poses, state, k):
     """Readings of period k and what the estimator makes of them: pose and velocity told.
 
@@ -204,7 +204,7 @@ def sense(rules, noise, poses, state, k):
     write(state, TOLD_VELOCITY, 3, three(state, RATE, 3))
 
 
-@compiled
+@merged
 def advance_estimate(ahead, k, state):
     """Take the estimator's lag off; see `Anticipation.advance`."""
     q = four(state, TOLD, 3)
@@ -219,7 +219,7 @@ def advance_estimate(ahead, k, state):
     write(state, TOLD_VELOCITY, 3, turn_back(R, w))
 
 
-@compiled
+@merged
 def command(numbers, links, memory, state, target, rate, feedforward, k, arm, row):
     """The law: its wrench goes into the memory; returns the attitude that it took."""
     R = matrix(four(state, TOLD, 3))
@@ -232,7 +232,7 @@ def command(numbers, links, memory, state, target, rate, feedforward, k, arm, ro
     return R
 
 
-@compiled
+@merged
 def deliver(numbers, links, memory, R, force, moment, arm, row):
     """Tell the law the wrench that the allocation achieved, world axes."""
     lack = subtract(force, three(memory, COMMAND, 0))
@@ -244,7 +244,7 @@ def deliver(numbers, links, memory, R, force, moment, arm, row):
         keep_in_hand(numbers, memory, R, force, moment)
 
 
-@compiled
+@merged
 def ask(memory, state, sixes, R_thrust):
     """Turn the commanded wrench to {A} and ask for it; False if it is not finite."""
     force = turn_back(R_thrust, three(memory, COMMAND, 0))
