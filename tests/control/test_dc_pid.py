@@ -71,6 +71,27 @@ def test_the_wrench_of_eq_26_produces_the_commanded_acceleration(name, model, rn
         np.testing.assert_allclose(a, wanted, atol=1e-8 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("name", VEHICLES)
+def test_what_is_read_at_the_root_is_what_joint_one_says(name, rng):
+    """The law takes the root's wrench; u_dc read at joint 1, as eq. (20) has it, is the same."""
+    vehicle = load_vehicle(name)
+    law = make_controller("dc-pid", vehicle)
+    joint_one, u_dc_A = JointOneCompensation(vehicle), np.zeros(6)
+    for _ in range(50):
+        m, ref = random_measurement(vehicle, rng), random_reference(vehicle, rng)
+        law.reset(m, ref)
+        u = law.wrench(0.0, m, ref).copy()
+        R = pin.Quaternion(m.q[3:7]).toRotationMatrix()
+        a_A = (law.u_pid.reshape(2, 3) @ R).ravel()
+        joint_one.q[:], joint_one.v[3:] = m.q, m.v[3:]
+        joint_one.a[:] = np.concatenate([a_A, m.arm_acceleration])
+        joint_one.wrench(R, u_dc_A)
+        u_dc = (u_dc_A.reshape(2, 3) @ R.T).ravel()
+        inertial = ((joint_one.platform @ a_A).reshape(2, 3) @ R.T).ravel()
+        np.testing.assert_allclose(law.u_dc, u_dc, rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(u, inertial + u_dc, rtol=0, atol=TOLERANCE)
+
+
 def test_previous_wrench_converges_to_the_same_wrench_at_rest(rng):
     """The fixed-point iteration contracts by the arm's share of mass and inertia.
 

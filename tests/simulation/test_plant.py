@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 from fullam.dynamics.integrators import INTEGRATORS, integrator
+from fullam.dynamics.multibody import Multibody
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import UnknownName
 from fullam.model.loading import load_vehicle
@@ -54,6 +55,44 @@ def test_agrees_with_aba_driven_by_the_joint_torques_that_rnea_asks_for(name, rn
         tau[:6] = wrench_A
         a_aba = pin.aba(model, data, q, v, tau)
         np.testing.assert_allclose(a, a_aba, rtol=0, atol=ABA_TOLERANCE * np.abs(a_aba).max())
+
+
+@pytest.mark.parametrize("name", ["fullam", "hextilt", "borinot"])
+def test_drives_of_endless_inertia_solve_the_six_rows_of_the_platform(name, rng):
+    """One ABA call on the driven model against RNEA, the composite inertia and a 6 x 6 solve."""
+    vehicle, n = load_vehicle(name), load_vehicle(name).n_arm
+    witness = Multibody(vehicle)
+    for _ in range(50):
+        theta, dtheta, ddtheta = rng.normal(size=(3, n))
+        table = ArmTable(*(np.tile(x, (3, 1)) for x in (theta, dtheta, ddtheta)))
+        speeds = rng.uniform(0.0, 1.0, vehicle.rotors.count) * vehicle.rotors.max_speeds
+        pose = pose_from_euler(rng.normal(size=3), rng.uniform(-1.0, 1.0, 3))
+        plant = Plant(vehicle, table, pose, speeds, 0.001, "midpoint")
+        plant.v[:6] = rng.normal(size=6)
+        plant.hold(speeds, None)
+        a = plant._acceleration(0, plant.q, plant.v)
+        expected = witness.base_acceleration(
+            plant.q, plant.v, ddtheta, vehicle.rotors.wrench(speeds)
+        )
+        np.testing.assert_allclose(
+            a[:6], expected, rtol=0, atol=ABA_TOLERANCE * np.abs(expected).max()
+        )
+        np.testing.assert_allclose(a[6:], ddtheta, rtol=0, atol=ABA_TOLERANCE)
+
+
+@pytest.mark.parametrize("motion", [HoldArm(), SineRate(joint=2, rate=0.7, frequency=3.0)])
+def test_the_loop_written_out_is_the_midpoint_rule_bit_for_bit(motion):
+    vehicle, ends = load_vehicle("fullam"), []
+    for written_out in (True, False):
+        table = motion.tabulate(np.arange(61) * 0.0005, np.array([0.1, -0.2, 0.3, 0.4]))
+        pose = pose_from_euler(np.zeros(3), np.array([0.3, -0.4, 0.5]))
+        plant = Plant(vehicle, table, pose, SPEEDS, 0.001, "midpoint")
+        plant.v[:6] = 0.4, -0.3, 0.2, 1.0, -1.4, 0.8
+        plant._is_midpoint = written_out
+        for _ in range(3):
+            plant.advance(SPEEDS * 1.1, None, 10)
+        ends.append(np.concatenate([plant.q, plant.v, plant.speeds, plant.acceleration]))
+    np.testing.assert_array_equal(ends[0], ends[1])
 
 
 def test_momentum_is_conserved_in_free_fall_while_the_arm_moves():

@@ -1,0 +1,93 @@
+"""The control tick: the law with its allocator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from fullam.control.allocation import Allocator
+from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.control.tick import ControlTick
+from fullam.exceptions import NonFiniteWrench
+from fullam.model.loading import load_vehicle
+
+ROUNDING = 1e-10
+"""Relative to full scale: the exact map costs up to 1e-6 of a wrench by its regulariser, and what
+is compared here goes through the same map."""
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return load_vehicle("fullam")
+
+
+def tilted(vehicle, height=0.0):
+    """A tilted measurement at rest, and a reference `height` above it."""
+    m, ref = Measurement(vehicle), ReferencePoint()
+    m.q[3:7] = pin.Quaternion(pin.exp3(np.array([0.2, -0.1, 0.3]))).coeffs()
+    m.q[7:] = 0.3
+    ref.pose = m.q[:7].copy()
+    ref.pose[2] += height
+    return m, ref
+
+
+@pytest.mark.parametrize("controller", ["dc-pid", "pid", "backstepping"])
+def test_speeds_give_the_wrench_that_the_law_commands(vehicle, controller):
+    tick = ControlTick(make_controller(controller, vehicle), Allocator(vehicle.rotors))
+    m, ref = tilted(vehicle)
+    tick.controller.reset(m, ref)
+    speeds = tick.speeds(0.0, m, ref)
+    R = pin.Quaternion(m.q[3:7]).toRotationMatrix()
+    wrench_W = (vehicle.rotors.wrench(speeds).reshape(2, 3) @ R.T).ravel()
+    assert not tick.saturated
+    np.testing.assert_allclose(wrench_W, tick.command, rtol=0, atol=1e-5 * np.abs(wrench_W).max())
+
+
+def test_the_attitude_of_the_thrust_is_used_where_it_is_given(vehicle):
+    tick = ControlTick(make_controller("dc-pid", vehicle), Allocator(vehicle.rotors))
+    m, ref = tilted(vehicle)
+    tick.controller.reset(m, ref)
+    R = pin.exp3(np.array([0.3, 0.0, 0.0]))
+    tick.speeds(0.0, m, ref, R)
+    expected = (tick.command.reshape(2, 3) @ R).ravel()
+    np.testing.assert_allclose(
+        tick.wrench_A, expected, rtol=0, atol=ROUNDING * np.abs(expected).max()
+    )
+
+
+def test_out_of_reach_the_moment_about_the_centre_of_mass_comes_first(vehicle):
+    """And the law hears what it got: its integrator is drained."""
+    tick = ControlTick(make_controller("dc-pid", vehicle), Allocator(vehicle.rotors))
+    m, ref = tilted(vehicle, height=40.0)
+    tick.controller.reset(m, ref)
+    tick.controller.law.integral[2] = 3.0
+    told = []
+    deliver = tick.controller.delivered
+    tick.controller.delivered = lambda wrench_W: (told.append(wrench_W.copy()), deliver(wrench_W))
+    speeds = tick.speeds(0.0, m, ref)
+    assert tick.saturated
+    achieved = vehicle.rotors.wrench(speeds)
+    np.testing.assert_allclose(
+        tick.residual, achieved - tick.wrench_A, rtol=0, atol=ROUNDING * np.abs(achieved).max()
+    )
+    R = pin.Quaternion(m.q[3:7]).toRotationMatrix()
+    np.testing.assert_allclose(
+        told[0],
+        (achieved.reshape(2, 3) @ R.T).ravel(),
+        rtol=0,
+        atol=ROUNDING * np.abs(achieved).max(),
+    )
+    at_origin = vehicle.neutral(m.q[7:])
+    center = pin.centerOfMass(vehicle.model, vehicle.create_data(), at_origin)
+    about_center = tick.residual[3:] - np.cross(center, tick.residual[:3])
+    assert np.abs(about_center).max() < 0.05 * np.abs(tick.residual[:3]).max()
+    assert tick.controller.law.integral[2] < 3.0
+
+
+def test_nan_does_not_reach_the_rotors(vehicle):
+    tick = ControlTick(make_controller("dc-pid", vehicle), Allocator(vehicle.rotors))
+    m, ref = tilted(vehicle)
+    m.v[0] = np.nan
+    with pytest.raises(NonFiniteWrench):
+        tick.speeds(0.0, m, ref)
