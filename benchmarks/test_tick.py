@@ -87,8 +87,10 @@ def test_tick(benchmark, meter, controller, vehicle):
         return replay(ticks[-1], states)
 
     meter.measure(benchmark, prepare, states.calls, states.vehicle, row)
-    # Where a lap begins again, an observer sees a jump.
-    assert ticks[-1].allocator.counters.exact >= 0.9 * states.calls
+    exact = ticks[-1].allocator.counters.exact / states.calls
+    if exact < 1.0:  # where a lap begins again, an observer sees a jump
+        row.note = f"{1.0 - exact:.0%} out of bounds"
+    assert exact == 1.0 or not bounded
 
 
 @pytest.mark.parametrize("vehicle", workloads.VEHICLES)
