@@ -23,7 +23,7 @@ LINES = (
     DcPid.wrench,
     DcPid._root_wrench,
     PidLaw.acceleration,
-    Allocator.allocate,
+    Allocator.exact,
     Flight.ticks,
     Plant.hold,
     Plant._advance_by_midpoint,

@@ -200,7 +200,7 @@ class Support:
         """Whether the vehicle can hover with this unit vector of {A} pointing up."""
         wrench = self._map @ up_A
         self._box.solve(wrench)
-        self._box.step(self._box.solution, wrench)
+        self._box.kkt_residual(self._box.solution, wrench)
         return float(np.linalg.norm(self._box.weighted_residual)) <= self._tolerance
 
     def largest_tilt(self, azimuth: float) -> float:

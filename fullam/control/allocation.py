@@ -12,18 +12,22 @@ by a ladder, each rung tried when the one above does not apply:
 3. "proxqp": the referee;
 4. "clip": K w + k cut to the bounds. A vehicle in flight must be told something, so the ladder
    returns this flagged instead of raising; with method="proxqp" a failure is an AllocationFailed.
+
+A wrench that rung 1 does not reach may cost force. `moment_about` says which moment to ask for
+then, so that the vehicle turns about its centre of mass as it should.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.control.box_qp import BoxLeastSquares, WarmStart
+from fullam.control.box_qp import BoxLeastSquares
+from fullam.control.moment_about import MomentAbout
 from fullam.control.proxqp_referee import ProxQPReferee
 from fullam.control.wrench_axes import (
     full_scale,
@@ -51,15 +55,8 @@ SATURATION_TOLERANCE = 1e-6
 KKT_TOLERANCE = 1e-8
 """Largest KKT residual with which the active set's answer is believed; it leaves 1e-13."""
 
-SNAP = 1e-8
-"""A u this close to 0 or 1 is at its bound: what ProxQP leaves."""
-
-
-ABOUT_ROUNDS = 4
-"""Corrections of the moment in `allocate_about`; two nearly always settle it."""
-
-ABOUT_TOLERANCE = 1e-3
-"""Moment [N m] below which a correction is not worth another solve."""
+SNAP = 1e-6
+"""A u this close to 0 or 1 is at its bound: ProxQP leaves 1e-7 and less."""
 
 
 @dataclass(slots=True)
@@ -73,6 +70,7 @@ class Counters:
         clip: Nothing solved it; clipped and flagged.
         refused: Non-finite wrenches.
         unconfirmed: Answers of the active set that did not settle or failed their KKT check.
+        unsettled: Answers about a centre, optimal for a moment that is not the one to ask for.
     """
 
     exact: int = 0
@@ -81,6 +79,7 @@ class Counters:
     clip: int = 0
     refused: int = 0
     unconfirmed: int = 0
+    unsettled: int = 0
 
 
 class _Problem:
@@ -192,9 +191,13 @@ class Allocator:
         weights: Weights relative to full scale, normalised to 1 for the least one, shape (6,).
         method: "ladder" or "proxqp".
         counters: Solves by rung.
-        squared: Live solution of the last `allocate`, u in [0, 1], shape (n,).
+        squared: Live solution of the last allocation, u in [0, 1], shape (n,).
+        asked: Live, after `allocate_about`: the wrench, its moment corrected, shape (6,). What u
+            gives less this is the shortfall with its moment about the centre.
+        moment: Solver of `allocate_about`; tells how many rounds the last one took.
         rung: Method that answered last.
-        saturated: Whether bounds cost wrench in the last answer, as in `Allocation`.
+        saturated: Whether bounds cost wrench in the last answer, as in `Allocation`; after
+            `allocate_about` with the moment about the centre.
     """
 
     def __init__(
@@ -254,17 +257,16 @@ class Allocator:
         )
         self._K, self._k = self._box.gain, self._box.offset
         self._has_offset = bool(self._k.any())
-        self._rounds: list[WarmStart] = []  # of `allocate_about`
-        self._B_force = np.ascontiguousarray(rotors.normalized_coupling[:3])
+        self.moment = MomentAbout(rotors.normalized_coupling)
         self._ladder = method == "ladder"
         self.squared: Array = np.zeros(rotors.count)
+        self.asked: Array = np.zeros(6)
         self.rung: Method = "exact"
         self.saturated = False
 
     def reset(self) -> None:
         """Forget the warm start, so that a flight can be flown again bit for bit."""
         self._box.reset()
-        self._rounds.clear()
 
     def solve(self, wrench_A: Array) -> Allocation:
         """Allocate a wrench in {A} about its origin, shape (6,) [N, N m].
@@ -284,9 +286,21 @@ class Allocator:
         `rung` and `saturated` tell the rest; no array is made when the wrench is within reach.
         wrench_A must be an array of six floats. Raises as `solve`.
         """
+        u = self.exact(wrench_A)
+        if u is not None:
+            return u
+        if not self._ladder:
+            return self._refereed(wrench_A)
+        return self._confirm(wrench_A, self._box.solve(wrench_A))
+
+    def exact(self, wrench_A: Array) -> Array | None:
+        """The first rung alone: the live `squared` if it holds the exact answer, else None.
+
+        Raises:
+            NonFiniteWrench: NaN or infinity, before any solver is touched.
+        """
         if not isfinite(sum(wrench_A.tolist())):
-            self.counters.refused += 1
-            raise NonFiniteWrench(wrench_A)
+            self._refuse(wrench_A)
         if self._ladder:
             u = self._K.dot(wrench_A, self.squared)
             if self._has_offset:
@@ -296,69 +310,57 @@ class Allocator:
                 self.rung = "exact"
                 self.saturated = False
                 return u
-        return self._constrained(wrench_A) if self._ladder else self._refereed(wrench_A)
+        return None
 
     def allocate_about(self, wrench_A: Array, center: Array) -> Array:
-        """Allocate again, with the moment that goes before force taken about another point.
+        """Allocate a wrench that `exact` does not reach, its moment taken about another point.
 
-        A vehicle turns about its centre of mass, not about the origin of {A}: a force that falls
-        short by df at the origin also lacks the moment -c x df about c. So the moment asked for is
-        corrected by c x df until nothing changes, `ABOUT_ROUNDS` times at most.
+        The weights put moment before force; what comes first is here the moment about `center`,
+        see `moment_about`. With method="proxqp" its plain step is repeated.
 
         Args:
-            wrench_A: The wrench at the origin of {A}, shape (6,); `allocate` has just found it to
-                be out of reach.
-            center: c in {A}, shape (3,) [m]: the vehicle's centre of mass.
+            wrench_A: The wrench in {A} at its origin, shape (6,).
+            center: The vehicle's centre of mass in {A}, shape (3,) [m].
 
         Returns:
             The live buffer `squared`, shape (n,).
+
+        Raises:
+            NonFiniteWrench: NaN or infinity.
+            AllocationFailed: As `solve`.
         """
-        # Plain numbers: three of them are handled faster one by one than as an array.
-        u, B_force = self.squared, self._B_force
-        F1, F2, F3, M1, M2, M3 = wrench_A.tolist()
-        c1, c2, c3 = center.tolist()
-        asked = wrench_A.copy()
-        a1, a2, a3 = M1, M2, M3
-        # Each round has its own warm start: from period to period it changes little, from round
-        # to round a lot.
-        box, rounds = self._box, self._rounds
-        before = box.remember()
-        for k in range(ABOUT_ROUNDS):
-            f1, f2, f3 = B_force.dot(u).tolist()
-            f1, f2, f3 = f1 - F1, f2 - F2, f3 - F3
-            m1, m2, m3 = (
-                M1 + (c2 * f3 - c3 * f2),
-                M2 + (c3 * f1 - c1 * f3),
-                M3 + (c1 * f2 - c2 * f1),
-            )
-            if max(abs(m1 - a1), abs(m2 - a2), abs(m3 - a3)) < ABOUT_TOLERANCE:
-                break
-            asked[3], asked[4], asked[5] = a1, a2, a3 = m1, m2, m3
-            if k < len(rounds):
-                box.recall(rounds[k])
-                u = self.allocate(asked)
-                rounds[k] = box.remember()
-            else:
-                u = self.allocate(asked)
-                rounds.append(box.remember())
-        box.recall(before)
-        self.saturated = True
+        wrench, point, moment, asked = wrench_A.tolist(), center.tolist(), self.moment, self.asked
+        if not isfinite(sum(wrench) + sum(point)):
+            self._refuse(wrench_A)
+        np.copyto(asked, wrench_A)
+        if self._ladder:
+            u = self._confirm(asked, moment.solve(self._box, wrench, point, asked))
+            if not (moment.settled and self.rung == "active-set"):
+                asked[3:] = moment.corrected(u, wrench, point)
+                self.counters.unsettled += 1
+        else:
+            u = moment.repeat(self._refereed, wrench, point, asked)
+            self.counters.unsettled += not moment.settled
         return u
 
-    def _constrained(self, wrench: Array) -> Array:
+    def _refuse(self, wrench: Array) -> NoReturn:
+        self.counters.refused += 1
+        raise NonFiniteWrench(wrench)
+
+    def _confirm(self, wrench: Array, settled: bool) -> Array:
+        """Believe the active set if its KKT residual agrees; else go down the ladder."""
         box, u = self._box, self.squared
-        settled = box.solve(wrench)
         if settled and box.kkt_residual(box.solution, wrench) <= KKT_TOLERANCE:
             np.copyto(u, box.solution)
             self.counters.active_set += 1
-            return self._finish("active-set", box.weighted_residual)
+            return self._finish("active-set")
         self.counters.unconfirmed += 1
         if self._referee.solve(box.linear_term(wrench)):
             return self._accept_referee(wrench)
-        np.minimum(np.maximum(u, 0.0, out=u), box.upper, out=u)  # u still holds K w + k
+        np.clip(self._K.dot(wrench, u) + self._k, 0.0, box.upper, out=u)
         self.counters.clip += 1
-        box.step(u, wrench)
-        return self._finish("clip", box.weighted_residual)
+        box.kkt_residual(u, wrench)
+        return self._finish("clip")
 
     def _refereed(self, wrench: Array) -> Array:
         linear = self._box.linear_term(wrench)
@@ -369,13 +371,13 @@ class Allocator:
     def _accept_referee(self, wrench: Array) -> Array:
         np.copyto(self.squared, self._referee.solution)
         self.counters.proxqp += 1
-        self._box.step(self.squared, wrench)
-        return self._finish("proxqp", self._box.weighted_residual)
+        self._box.kkt_residual(self.squared, wrench)
+        return self._finish("proxqp")
 
-    def _finish(self, rung: Method, weighted_residual: Array) -> Array:
-        u = self.squared
+    def _finish(self, rung: Method) -> Array:
+        u, error = self.squared, self._box.weighted_residual
         self.rung = rung
-        short = float(weighted_residual.dot(weighted_residual)) > self._tolerance_squared
+        short = float(error.dot(error)) > self._tolerance_squared
         self.saturated = short and (rung != "proxqp" or self._at_bound(u))
         return u
 

@@ -19,6 +19,7 @@ Everything works on plain arrays of fixed size, with no solver object behind.
 
 from __future__ import annotations
 
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -102,20 +103,20 @@ class ActiveSet:
         offset: Shape (n,).
         low: Least z accepted, one per unknown.
         high: Largest z accepted, one per unknown.
-        free: 1.0 where free, 0.0 where held, shape (n,).
-        held: The bound where held, 0.0 where free, shape (n,).
+        least: Smallest u: 0 where free, the bound where held, shape (n,).
+        most: Largest u: u_max where free, the bound where held, shape (n,).
         free_ones: Which are free.
         held_ones: Which are held.
     """
 
     __slots__ = (
-        "free",
         "free_ones",
         "gain",
-        "held",
         "held_ones",
         "high",
+        "least",
         "low",
+        "most",
         "offset",
         "status",
     )
@@ -131,14 +132,10 @@ class ActiveSet:
         self.gain: Array = np.ascontiguousarray(gain * weights)
         self.low = tuple(np.where(free, -BOUND_TOLERANCE, -MULTIPLIER_TOLERANCE).tolist())
         self.high = tuple(np.where(free, upper + BOUND_TOLERANCE, np.inf).tolist())
-        self.free = free.astype(float)
         self.free_ones = tuple(np.flatnonzero(free).tolist())
         self.held_ones = tuple(np.flatnonzero(~free).tolist())
-        self.held = np.where(codes == AT_UPPER, upper, 0.0)
-
-
-WarmStart = tuple[ActiveSet, Array]
-"""An active set and a feasible point whose held entries are at their bounds."""
+        self.least = np.where(codes == AT_UPPER, upper, 0.0)
+        self.most = np.where(codes == AT_LOWER, 0.0, upper)
 
 
 class BoxLeastSquares:
@@ -153,7 +150,7 @@ class BoxLeastSquares:
         gain: Unconstrained minimiser, u = gain @ w + offset, shape (n, 6).
         offset: Shape (n,).
         solution: Live buffer with the answer of the last search, shape (n,).
-        weighted_residual: Live buffer with A u - d of the last optimality check, shape (6,).
+        active: Active set of the last search.
         pivots: Changes of the active set so far.
         cycles: How many searches met an active set twice.
     """
@@ -179,20 +176,22 @@ class BoxLeastSquares:
         self._largest_pivots = 100 + 20 * n
         self._is_warm = False
         self._sets: dict[bytes, ActiveSet] = {}
-        self._start = self._current = self._set(bytes(n))
+        self._start = self.active = self._set(bytes(n))
         self.gain, self.offset = self._start.gain, self._start.offset
         self._AT = np.ascontiguousarray(self.A.T)
         self._diagonal = np.einsum("ij,ij->j", self.A, self.A) + eps
-        # The rows of the gradient over the diagonal of the Hessian.
-        self._AT_scaled = np.ascontiguousarray(self._AT / self._diagonal[:, None])
-        self._eps_scaled = eps / self._diagonal
+        # [A u - d; gradient over the diagonal of the Hessian] = check @ [u; w] - pull.
+        error = np.hstack([self.A, -np.diag(weights)])
+        gradient = self._AT @ error
+        gradient[:, :n] += eps * np.eye(n)
+        self._check = np.vstack([error, gradient / self._diagonal[:, None]])
+        self._pull = np.concatenate([np.zeros(6), eps * self.prior / self._diagonal])
         self._has_prior = bool(self.prior.any())
-        self._bounds = upper.tolist()
+        self._checked = np.zeros(6 + n)
+        self._u_and_w = np.zeros(n + 6)
+        self._bounds: list[float] = upper.tolist()
         self._lower = np.zeros(n)
         self._z = np.empty(n)
-        self._step = np.empty(n)
-        self._target = np.empty(6)
-        self.weighted_residual = np.zeros(6)
         self.solution = self.prior.copy()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -201,18 +200,9 @@ class BoxLeastSquares:
 
     def reset(self) -> None:
         """Forget the warm start, so that the next answer depends on its wrench alone."""
-        self._current = self._start
+        self.active = self._start
         self._is_warm = False
         self.solution[:] = self.prior
-
-    def remember(self) -> WarmStart:
-        """Where the next search would begin; `recall` begins there again."""
-        return self._current, self.solution.copy()
-
-    def recall(self, start: WarmStart) -> None:
-        """Begin the next search where `remember` was called."""
-        self._current = start[0]
-        self.solution[:] = start[1]
 
     def start_from(self, status: Status, u: Array) -> None:
         """Begin the next search at a feasible u, shape (n,), whose held entries are at their bound.
@@ -221,14 +211,13 @@ class BoxLeastSquares:
             status: FREE, AT_LOWER or AT_UPPER, shape (n,).
             u: The point, shape (n,).
         """
-        self._current = self._set(np.asarray(status, dtype=np.uint8).tobytes())
-        np.minimum(np.maximum(u, 0.0), self.upper, out=self.solution)
-        np.copyto(self.solution, self._current.held, where=self._current.free == 0.0)
+        self.active = self._set(np.asarray(status, dtype=np.uint8).tobytes())
+        np.clip(u, self.active.least, self.active.most, out=self.solution)
 
     @property
     def status(self) -> Status:
         """Active set of the last search, shape (n,)."""
-        return np.frombuffer(self._current.status, dtype=np.uint8)
+        return np.frombuffer(self.active.status, dtype=np.uint8)
 
     def solve(self, wrench: Array) -> bool:
         """Find the minimiser for a finite wrench, shape (6,); True if `solution` holds it.
@@ -239,41 +228,51 @@ class BoxLeastSquares:
         that rounding kept the search from settling: a set came back, or the limit of changes was
         reached; `solution` is then feasible and the best point found.
         """
-        active, u = self._current, self.solution
+        active, u = self.active, self.solution
         z = active.gain.dot(wrench, self._z)
         z += active.offset
+        goal = z.tolist()
         misfits = 0
-        for value, low, high in zip(z.tolist(), active.low, active.high, strict=True):
+        for value, low, high in zip(goal, active.low, active.high, strict=True):
             if not low <= value <= high:
                 misfits += 1
         if misfits == 0:
-            np.multiply(z, active.free, out=u)
-            u += active.held
-            np.maximum(u, self._lower, out=u)  # what the tolerance let through
-            np.minimum(u, self.upper, out=u)
+            # Held ones to their bounds, free ones into the box: what the tolerance let through.
+            np.minimum(np.maximum(z, active.least, out=u), active.most, out=u)
             return True
         if misfits <= FEW_MISFITS and self._is_warm:
-            return self._search(wrench, bytearray(active.status), u.tolist())
+            return self._search(wrench, active, goal, u.tolist())
         self._is_warm = True
         np.add(self.gain.dot(wrench, z), self.offset, out=z)
         clipped = np.minimum(np.maximum(z, self._lower), self.upper)
         if self.objective(clipped, wrench) < self.objective(u, wrench):
-            status = bytearray(
+            status = bytes(
                 AT_LOWER if value < 0.0 else AT_UPPER if value > bound else FREE
                 for value, bound in zip(z.tolist(), self._bounds, strict=True)
             )
-            return self._search(wrench, status, clipped.tolist())
-        return self._search(wrench, bytearray(active.status), u.tolist())
+            active, u = self._set(status), clipped
+            goal = self._goal(active, wrench)
+        return self._search(wrench, active, goal, u.tolist())
 
-    def _search(self, wrench: Array, status: bytearray, u: list[float]) -> bool:
-        """Primal active set from a feasible u; see the module's first lines."""
+    def _goal(self, active: ActiveSet, wrench: Array) -> list[float]:
+        """Minimiser and multipliers z of an active set."""
+        z = active.gain.dot(wrench, self._z)
+        z += active.offset
+        goal: list[float] = z.tolist()
+        return goal
+
+    def _search(self, wrench: Array, active: ActiveSet, goal: list[float], u: list[float]) -> bool:
+        """Primal active set from a feasible u; see the module's first lines.
+
+        Args:
+            wrench: Shape (6,).
+            active: An active set whose held unknowns are at their bounds in u.
+            goal: Its z.
+            u: Where to start; moved.
+        """
         bounds, settled = self._bounds, False
         minimisers: set[bytes] = set()
         for _ in range(self._largest_pivots):
-            active = self._set(bytes(status))
-            z = active.gain.dot(wrench, self._z)
-            z += active.offset
-            goal = z.tolist()
             share, blocking, worst, leaving = 1.0, -1, -MULTIPLIER_TOLERANCE, -1
             for i in active.held_ones:
                 if goal[i] < worst:
@@ -287,47 +286,50 @@ class BoxLeastSquares:
             for i in active.free_ones:
                 moved = u[i] + share * (goal[i] - u[i])
                 u[i] = 0.0 if moved < 0.0 else bounds[i] if moved > bounds[i] else moved
-            self.pivots += 1
+            status = bytearray(active.status)
             if blocking >= 0:
                 lower = goal[blocking] < 0.0
                 status[blocking] = AT_LOWER if lower else AT_UPPER
                 u[blocking] = 0.0 if lower else bounds[blocking]
-                continue
-            if leaving < 0:
+            elif leaving >= 0:
+                if active.status in minimisers:
+                    self.cycles += 1
+                    break
+                minimisers.add(active.status)
+                status[leaving] = FREE
+            else:
                 settled = True
-                self.pivots -= 1
                 break
-            if active.status in minimisers:
-                self.cycles += 1
-                break
-            minimisers.add(active.status)
-            status[leaving] = FREE
+            self.pivots += 1
+            active = self._set(bytes(status))
+            goal = self._goal(active, wrench)
         self.solution[:] = u
-        self._current = active
+        self.active = active
         return settled
 
-    def step(self, u: Array, wrench: Array) -> Array:
-        """Optimality defect of u, shape (n,): u - clip(u - grad f(u) / diag H, 0, u_max).
-
-        Entry i is how far u_i alone would still move towards lower cost, in u. It vanishes for all
-        i exactly at the minimiser: stationarity, complementarity and feasibility in one number.
-        Fills `weighted_residual` with A u - d and returns a live buffer.
-        """
-        residual = self.A.dot(u, self.weighted_residual)
-        np.subtract(residual, np.multiply(self.weights, wrench, self._target), residual)
-        step = self._AT_scaled.dot(residual, self._step)
-        pull = np.multiply(self._eps_scaled, u, self._z)
-        if self._has_prior:
-            pull -= self._eps_scaled * self.prior
-        np.subtract(u, np.add(step, pull, step), step)
-        np.maximum(step, self._lower, out=step)
-        np.minimum(step, self.upper, out=step)
-        return np.subtract(u, step, step)
-
     def kkt_residual(self, u: Array, wrench: Array) -> float:
-        """Largest absolute entry of `step`, in u: 0 at the minimiser and nowhere else."""
-        step = self.step(u, wrench)
-        return max(float(step[step.argmax()]), -float(step[step.argmin()]))
+        """Largest entry of |u - clip(u - grad f(u) / diag H, 0, u_max)|, in u.
+
+        Entry i is how far u_i alone would still move towards lower cost. All vanish exactly at the
+        minimiser: stationarity, complementarity and feasibility in one number.
+        """
+        checked = self._check.dot(np.concatenate((u, wrench), out=self._u_and_w), self._checked)
+        if self._has_prior:
+            checked -= self._pull
+        worst = 0.0
+        for value, slope, bound in zip(u.tolist(), checked[6:].tolist(), self._bounds, strict=True):
+            moved = value - slope
+            step = value - (0.0 if moved < 0.0 else bound if moved > bound else moved)
+            if not -worst <= step <= worst:
+                worst = abs(step)
+                if isnan(worst):
+                    break
+        return worst
+
+    @property
+    def weighted_residual(self) -> Array:
+        """A u - d of the last `kkt_residual`, shape (6,), live."""
+        return self._checked[:6]
 
     def objective(self, u: Array, wrench: Array) -> float:
         """The cost f(u)."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
+from pinocchio import centerOfMass
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint
@@ -44,6 +44,7 @@ class ControlTick:
         self._attitude = AttitudeView()
         self._model, self._data = vehicle.model, vehicle.create_data()
         self._at_origin = vehicle.neutral()
+        self._arm_angles = self._at_origin[7:]
         self._coupling = vehicle.rotors.normalized_coupling
         self._max_speeds = vehicle.rotors.max_speeds
         self._speeds = np.zeros(vehicle.rotors.count)
@@ -70,20 +71,22 @@ class ControlTick:
             shared = self._shared
             R_thrust = self._attitude.look(m.q[:7]) if shared is None else shared
         self._command_rows.dot(R_thrust, self._wrench_A_rows)
-        allocator = self.allocator
-        u = allocator.allocate(self.wrench_A)
-        self.saturated = allocator.saturated
-        if self.saturated:
-            u = self._allocate_again(m, R_thrust)
+        self.saturated = False
+        u = self.allocator.exact(self.wrench_A)
+        if u is None:
+            u = self._about_center_of_mass(m, R_thrust)
         np.sqrt(u, self._speeds)
         return np.multiply(self._speeds, self._max_speeds, self._speeds)
 
-    def _allocate_again(self, m: Measurement, R: Array) -> Array:
-        """Allocate about the centre of mass and tell the law."""
-        self._at_origin[7:] = m.q[7:]
-        center = pin.centerOfMass(self._model, self._data, self._at_origin)
-        u = self.allocator.allocate_about(self.wrench_A, center)
-        achieved = self._coupling.dot(u)
-        np.subtract(achieved, self.wrench_A, self.residual)
-        self.controller.delivered(achieved.reshape(2, 3).dot(R.T).ravel())
+    def _about_center_of_mass(self, m: Measurement, R: Array) -> Array:
+        """Allocate what is out of the exact map's reach; tell the law what it did not get."""
+        allocator = self.allocator
+        self._arm_angles[:] = m.q[7:]
+        center = centerOfMass(self._model, self._data, self._at_origin)
+        u = allocator.allocate_about(self.wrench_A, center)
+        self.saturated = allocator.saturated
+        if self.saturated:
+            achieved = self._coupling.dot(u)
+            np.subtract(achieved, self.wrench_A, self.residual)
+            self.controller.delivered(achieved.reshape(2, 3).dot(R.T).ravel())
         return u

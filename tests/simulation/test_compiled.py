@@ -15,6 +15,8 @@ import pytest
 import fullam
 from fullam.control.controller import Measurement, ReferencePoint, controller_class, make_settings
 from fullam.control.pid import Pid
+from fullam.control.tick import ControlTick
+from fullam.control.wrench_axes import controllable_axes
 from fullam.dynamics.multibody import Multibody
 from fullam.exceptions import Diverged, MissingDependency, NonFiniteWrench, SettingsError
 from fullam.model.chain import LinkChain
@@ -27,14 +29,10 @@ from fullam.simulation.simulate import prepare, simulate
 pytest.importorskip("numba", reason="the compiled engine needs the extra 'fast'")
 
 from fullam.simulation.compiled import arrays, batch, engine, entries, jit
-from fullam.simulation.compiled.allocation import (
-    CLIP,
-    CYCLES,
-    UNCONFIRMED,
-    U,
-)
+from fullam.simulation.compiled.box_qp import CLIP, CYCLES, UNCONFIRMED, UNSETTLED, U
 from fullam.simulation.compiled.dynamics import arm_rows, chain_rows
 from fullam.simulation.compiled.integrate import POSE, VELOCITY
+from fullam.simulation.compiled.law import INTEGRAL
 from fullam.simulation.compiled.tick import CompiledTick
 
 VEHICLES = ("fullam", "hextilt", "borinot", "quadrotor_arm")
@@ -140,48 +138,61 @@ def test_the_same_flight_of_another_vehicle():
     check_same(*both(prepare(scenario, seed=2)), FLIGHT_TOLERANCE)
 
 
-def random_measurement(vehicle, rng):
+def random_measurement(vehicle, rng, pace):
     """A measurement and a reference near it, in motion."""
     m, point = Measurement(vehicle), ReferencePoint()
-    m.q[:] = pin.randomConfiguration(
-        vehicle.model, -np.ones(vehicle.model.nq), np.ones(vehicle.model.nq)
-    )
-    m.v[:], m.arm_acceleration[:] = rng.normal(size=m.v.size), rng.normal(size=vehicle.n_arm)
-    turn = np.concatenate([0.3 * rng.normal(size=6), np.zeros(vehicle.n_arm)])
+    m.q[:3], m.q[7:] = rng.uniform(-1.0, 1.0, 3), rng.uniform(-1.0, 1.0, vehicle.n_arm)
+    m.q[3:7] = pin.Quaternion(pin.exp3(pace * rng.normal(size=3))).coeffs()
+    m.v[:] = pace * rng.normal(size=m.v.size)
+    m.arm_acceleration[:] = pace * rng.normal(size=vehicle.n_arm)
+    turn = np.concatenate([0.3 * pace * rng.normal(size=6), np.zeros(vehicle.n_arm)])
     point.pose = pin.integrate(vehicle.model, m.q, turn)[:7]
-    point.velocity, point.acceleration = rng.normal(size=6), rng.normal(size=6)
+    point.velocity, point.acceleration = pace * rng.normal(size=(2, 6))
     return m, point
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-@pytest.mark.parametrize("vehicle", ["fullam", "hextilt"])
+@pytest.mark.parametrize("vehicle", ["fullam", "hextilt", "quadrotor_arm"])
 def test_one_tick_to_rounding(vehicle, controller):
+    """In reach and out of it: the wrench, the speeds, and what is left of the integrator."""
     vehicle, rng = load_vehicle(vehicle), np.random.default_rng(5)
-    law = controller_class(controller)(vehicle, make_settings(controller), 0.001)
-    allocator = fullam.Allocator(vehicle.rotors)
-    scale = np.abs(vehicle.rotors.normalized_coupling).sum(axis=1)
-    tick = CompiledTick(law, allocator)
-    for _ in range(50):
-        m, point = random_measurement(vehicle, rng)
+    axes = controllable_axes(vehicle.rotors)
+    law = controller_class(controller)(vehicle, make_settings(controller), 0.001, axes)
+    integral = law._integral if controller == "backstepping" else law.law.integral
+    reference = ControlTick(law, fullam.Allocator(vehicle.rotors, axes=axes))
+    scale = np.abs(vehicle.rotors.normalized_coupling).sum(axis=1).max()
+    tick = CompiledTick(law, fullam.Allocator(vehicle.rotors, axes=axes))
+    saturated = 0
+    for trial in range(100):
+        m, point = random_measurement(vehicle, rng, 1.0 if trial % 2 else 0.05)
         law.reset(m, point)
+        reference.allocator.reset()
         tick.reset()
-        asked = law.wrench(0.0, m, point)
-        R = pin.Quaternion(m.q[3:7]).toRotationMatrix()
-        wrench_A = (asked.reshape(2, 3) @ R).ravel()
+        integral[:] = tick.memory[INTEGRAL] = rng.normal(size=6)
+        reference.speeds(0.0, m, point)
         tick.speeds(m, point)
-        assert np.abs(tick.wrench_A - wrench_A).max() < STEP_TOLERANCE * scale.max()
-        u = allocator.solve(wrench_A)
-        if not u.saturated:  # then the reference flight allocates again, about the mass centre
-            assert np.abs(tick.allotment.unknowns[U] - u.squared).max() < FLIGHT_TOLERANCE
+        assert np.abs(tick.wrench_A - reference.wrench_A).max() < STEP_TOLERANCE * scale
+        assert tick.saturated == reference.saturated
+        squared = reference.allocator.squared
+        # Rounding 1e-16 over eps: what the null space of the coupling may turn it into.
+        assert np.abs(tick.allotment.unknowns[U] - squared).max() < FLIGHT_TOLERANCE
+        assert np.abs(tick.memory[INTEGRAL] - integral).max() < FLIGHT_TOLERANCE
+        saturated += tick.saturated
+    assert 10 < saturated < 100
+    assert not tick.allotment.counters[[CLIP, CYCLES, UNCONFIRMED, UNSETTLED]].any()
 
 
-def test_a_tick_refuses_a_measurement_that_is_not_finite():
-    vehicle = load_vehicle("fullam")
-    tick = CompiledTick(Pid(vehicle), fullam.Allocator(vehicle.rotors))
+@pytest.mark.parametrize("place", [0, 5, 8])
+def test_a_tick_refuses_a_measurement_that_is_not_finite(place):
+    """An angle of the arm as well, which this law needs for the centre of mass alone."""
+    vehicle, far = load_vehicle("fullam"), ReferencePoint()
+    far.pose[2] = 40.0
     m = Measurement(vehicle)
-    m.q[0] = np.nan
+    m.q[place] = np.nan
     with pytest.raises(NonFiniteWrench):
-        tick.speeds(m, ReferencePoint())
+        CompiledTick(Pid(vehicle), fullam.Allocator(vehicle.rotors)).speeds(m, far)
+    with pytest.raises(NonFiniteWrench):
+        ControlTick(Pid(vehicle), fullam.Allocator(vehicle.rotors)).speeds(0.0, m, far)
 
 
 def test_one_plant_step_to_rounding():

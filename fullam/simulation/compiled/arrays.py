@@ -16,7 +16,8 @@ from fullam.exceptions import SettingsError
 from fullam.model.chain import LinkChain
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.compiled import law as laws
-from fullam.simulation.compiled.allocation import N_COUNTERS, PRIOR, SOLUTION, Allotment
+from fullam.simulation.compiled.allocation import Allotment
+from fullam.simulation.compiled.box_qp import FORCE_ROWS, N_COUNTERS, PRIOR, SOLUTION
 from fullam.simulation.compiled.dynamics import arm_rows, chain_rows
 from fullam.simulation.compiled.integrate import ESTIMATE, POSE, READING, RULES, TOLD, Craft
 from fullam.simulation.compiled.law import Law
@@ -173,7 +174,7 @@ def fresh_allotment(box: Array, scales: Array) -> Allotment:
         box,
         scales,
         np.full(SLOTS, -1, dtype=np.int64),
-        np.zeros((SLOTS * n, 7)),
+        np.zeros((SLOTS * (n + FORCE_ROWS), 7)),
         np.zeros((4, n)),
         np.zeros((2, 6)),
         np.zeros((2, n), dtype=np.int64),

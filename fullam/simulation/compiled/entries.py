@@ -10,14 +10,8 @@ import math
 from typing import Any
 
 from fullam.simulation.compiled import loop
-from fullam.simulation.compiled.allocation import (
-    MAX_SPEED,
-    WANTED,
-    U,
-    achieved,
-    allocate,
-    allocate_about,
-)
+from fullam.simulation.compiled.allocation import achieved, allocate, exact
+from fullam.simulation.compiled.box_qp import MAX_SPEED, WANTED, U
 from fullam.simulation.compiled.dynamics import (
     ACCELERATION,
     COS,
@@ -35,6 +29,7 @@ from fullam.simulation.compiled.integrate import (
     advance,
 )
 from fullam.simulation.compiled.jit import entry, sources
+from fullam.simulation.compiled.moment_about import allocate_about
 from fullam.simulation.compiled.rotations import (
     cross,
     four,
@@ -105,15 +100,18 @@ def _build(digest: str) -> tuple[Any, ...]:
         )
         if not loop.ask(memory, state, sixes, R):
             return NOT_FINITE
-        saturated = allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
-        if saturated:
+        saturated = False
+        if not exact(box, unknowns, sixes, counters):
             m, s, _ = composite(links, arm, 0)
             center = scale(1.0 / m, s)
-            allocate_about(
+            if not math.isfinite(center[0] + center[1] + center[2]):
+                return NOT_FINITE
+            saturated = allocate_about(
                 box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, center
             )
-            force, moment = achieved(box, unknowns)
-            loop.deliver(numbers, links, memory, R, turn(R, force), turn(R, moment), arm, 0)
+            if saturated:
+                force, moment = achieved(box, unknowns)
+                loop.deliver(numbers, links, memory, R, turn(R, force), turn(R, moment), arm, 0)
         for i in range(box.shape[0]):
             speeds[COMMANDS, i] = box[i, MAX_SPEED] * math.sqrt(unknowns[U, i])
         return OUT_OF_REACH if saturated else IN_REACH

@@ -16,16 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.simulation.compiled.allocation import (
-    MAX_SPEED,
-    WANTED,
-    Allotment,
-    U,
-    achieved,
-    allocate,
-    allocate_about,
-)
+from fullam.simulation.compiled.allocation import Allotment, achieved, exact
 from fullam.simulation.compiled.backstepping import backstepping_wrench, drain_backstepping
+from fullam.simulation.compiled.box_qp import MAX_SPEED, WANTED, U
 from fullam.simulation.compiled.dynamics import composite
 from fullam.simulation.compiled.integrate import (
     ASKED,
@@ -57,6 +50,7 @@ from fullam.simulation.compiled.law import (
     keep_in_hand,
     pid_wrench,
 )
+from fullam.simulation.compiled.moment_about import allocate_about
 from fullam.simulation.compiled.rotations import (
     add,
     copy_row,
@@ -303,35 +297,18 @@ def fly(job, log, start, stop, last):
         copy_row(memory, U_PID, log_u_pid, k, 6)
         copy_row(memory, U_DC, log_u_dc, k, 6)
         copy_row(memory, COMMAND, log_command, k, 6)
-        if allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
+        if not exact(box, unknowns, sixes, counters):
             m, s, _ = composite(nominal, arm, row)
-            allocate_about(
-                box,
-                scales,
-                keys,
-                maps,
-                unknowns,
-                sixes,
-                sets,
-                minimisers,
-                counters,
-                state,
-                scale(1.0 / m, s),
-            )
-            force, moment = achieved(box, unknowns)
-            deliver(
-                numbers,
-                nominal,
-                memory,
-                R,
-                turn(R_thrust, force),
-                turn(R_thrust, moment),
-                arm,
-                row,
-            )
-            write(log_residual, k, 0, subtract(force, three(state, ASKED, 0)))
-            write(log_residual, k, 3, subtract(moment, three(state, ASKED, 3)))
-            log_saturated[k] = True
+            center = scale(1.0 / m, s)
+            if allocate_about(
+                box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, center
+            ):
+                force, moment = achieved(box, unknowns)
+                force_W, moment_W = turn(R_thrust, force), turn(R_thrust, moment)
+                deliver(numbers, nominal, memory, R, force_W, moment_W, arm, row)
+                write(log_residual, k, 0, subtract(force, three(state, ASKED, 0)))
+                write(log_residual, k, 3, subtract(moment, three(state, ASKED, 3)))
+                log_saturated[k] = True
         for i in range(n):
             speeds[COMMANDS, i] = box[i, MAX_SPEED] * math.sqrt(unknowns[U, i])
         copy_row(state, TOLD, log_measured_pose, k, 7)

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint
 from fullam.exceptions import NonFiniteWrench
-from fullam.simulation.compiled.allocation import U
 from fullam.simulation.compiled.arrays import (
     LAWS,
     allotment_of,
@@ -19,6 +18,7 @@ from fullam.simulation.compiled.arrays import (
     refuse,
     start_afresh,
 )
+from fullam.simulation.compiled.box_qp import U
 from fullam.simulation.compiled.entries import NOT_FINITE, OUT_OF_REACH
 from fullam.simulation.compiled.entries import allot as allot_compiled
 from fullam.simulation.compiled.entries import tick as tick_compiled
