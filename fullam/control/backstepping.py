@@ -252,8 +252,12 @@ class Backstepping(Controller):
         np.subtract(relative, 0.5 * e_x, out=out)
         out += k * (cross @ e_x)
 
-    def delivered(self, wrench_W: Array) -> None:
-        """Drain the integral by what was not delivered, where it pushes into the limit."""
+    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
+        """Drain the integral by what was not delivered, where it pushes into the limit.
+
+        (B1) knows where the centre of mass is: what the composite body lacks in acceleration
+        follows from the shortfall at the origin.
+        """
         R = self._rotation
         missing_A = ((wrench_W - self._wrench).reshape(2, 3) @ R).ravel()
         a_A = np.linalg.solve(self._body.inertia, missing_A)

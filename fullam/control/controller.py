@@ -126,11 +126,19 @@ class Controller(ABC):
             buffer: copy it to keep it.
         """
 
-    def delivered(self, wrench_W: Array) -> None:  # noqa: B027 - a law without memory ignores it
-        """Learn what the allocation achieved, shape (6,), world axes.
+    def delivered(  # noqa: B027 - a law without memory ignores it
+        self, wrench_W: Array, missing_W: Array
+    ) -> None:
+        """Learn what the allocation achieved, in world axes.
 
         Called only in a period whose command could not be delivered; without the call the command
-        counts as delivered. Anti-windup and the memory of the last wrench live on it.
+        counts as delivered. The memory of the last wrench lives on the one, anti-windup on the
+        other: where force falls short the moment at the origin is changed on purpose, to keep the
+        one about the centre of mass, and no integrator shall be drained by that.
+
+        Args:
+            wrench_W: Wrench achieved at the origin of {A}, shape (6,) [N, N m].
+            missing_W: Achieved minus commanded, the moment about the centre of mass, shape (6,).
         """
 
 

@@ -232,9 +232,9 @@ class DcPid(PidBase):
             self._bound()
         return self._wrench
 
-    def delivered(self, wrench_W: Array) -> None:
+    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
         """Anti-windup, and the wrench that "previous_wrench" will solve eq. (21) with."""
-        super().delivered(wrench_W)
+        super().delivered(wrench_W, missing_W)
         if self._previous:
             self._at_hand_A = np.dot(wrench_W.reshape(2, 3), self.law.rotation).ravel()
 

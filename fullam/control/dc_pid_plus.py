@@ -165,14 +165,14 @@ class DcPidPlus(DcPid):
             np.minimum(u, self._upper, out=u)
             np.maximum(u, self._lower, out=u)
             if not np.array_equal(asked, u):
-                self.delivered(u)
+                self.delivered(u, u - asked)
         self.observer.applied(self._ahead(u, -1.0))
         return u
 
-    def delivered(self, wrench_W: Array) -> None:
+    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
         """Tell the observer what the rotors were asked for, and dc-PID what of it was its own."""
         self.observer.applied(self._ahead(wrench_W, -1.0))
-        super().delivered(wrench_W + self._beside)
+        super().delivered(wrench_W + self._beside, missing_W)
 
     def _ahead(self, wrench_W: Array, sign: float) -> Array:
         """Turn a wrench with the platform on to when the rotors follow (+1), or back (-1).

@@ -245,9 +245,9 @@ class PidBase(Controller):
         R.dot(self._inertia_inverse.dot(missing_A), missing[3:])
         self.law.drain(missing)
 
-    def delivered(self, wrench_W: Array) -> None:
+    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
         """Drain the integrator by what the allocation could not deliver."""
-        self._drain(wrench_W - self._wrench)
+        self._drain(missing_W)
 
 
 @register("pid")

@@ -48,6 +48,11 @@ class ControlTick:
         self._coupling = vehicle.rotors.normalized_coupling
         self._max_speeds = vehicle.rotors.max_speeds
         self._speeds = np.zeros(vehicle.rotors.count)
+        # What was achieved and what was missing in one array: one product turns both.
+        both, both_W = np.zeros(12), np.zeros(12)
+        self._achieved, self._missing, self._both_rows = both[:6], both[6:], both.reshape(4, 3)
+        self._achieved_W, self._missing_W = both_W[:6], both_W[6:]
+        self._both_W_rows = both_W.reshape(4, 3)
 
     def speeds(
         self, t: float, m: Measurement, reference: ReferencePoint, R_thrust: Array | None = None
@@ -86,7 +91,9 @@ class ControlTick:
         u = allocator.allocate_about(self.wrench_A, center)
         self.saturated = allocator.saturated
         if self.saturated:
-            achieved = self._coupling.dot(u)
+            achieved = self._coupling.dot(u, self._achieved)
             np.subtract(achieved, self.wrench_A, self.residual)
-            self.controller.delivered(achieved.reshape(2, 3).dot(R.T).ravel())
+            np.subtract(achieved, allocator.asked, self._missing)
+            self._both_rows.dot(R.T, self._both_W_rows)
+            self.controller.delivered(self._achieved_W, self._missing_W)
         return u

@@ -108,7 +108,7 @@ def test_previous_wrench_converges_to_the_same_wrench_at_rest(rng):
     iterated = make_controller("dc-pid", vehicle, compensation="previous_wrench")
     iterated.reset(m, ref)
     errors = [np.abs(iterated.wrench(0.0, m, ref) - exact).max()]
-    iterated.delivered(0.5 * exact)
+    iterated.delivered(0.5 * exact, -0.5 * exact)
     errors += [np.abs(iterated.wrench(0.0, m, ref) - exact).max() for _ in range(60)]
     assert errors[0] < TOLERANCE  # the first period has no previous wrench
     assert errors[1] > 1e-2  # the false "delivered" has its effect ...

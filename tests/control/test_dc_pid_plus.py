@@ -36,8 +36,8 @@ def test_without_observer_and_lead_it_is_dc_pid(vehicle, rng):
         m.v[:] = 1e-3 * rng.normal(size=vehicle.model.nv)
         expected = plain.wrench(0.0, m, ref)
         np.testing.assert_allclose(plus.wrench(0.0, m, ref), expected, atol=1e-12)
-        plus.delivered(0.9 * expected)
-        plain.delivered(0.9 * expected)
+        for controller in (plus, plain):
+            controller.delivered(0.9 * expected, -0.1 * expected)
         np.testing.assert_allclose(plus.law.integral, plain.law.integral, atol=1e-12)
 
 

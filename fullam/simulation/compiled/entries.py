@@ -37,7 +37,6 @@ from fullam.simulation.compiled.rotations import (
     scale,
     subtract,
     three,
-    turn,
     write,
 )
 
@@ -111,7 +110,7 @@ def _build(digest: str) -> tuple[Any, ...]:
             )
             if saturated:
                 force, moment = achieved(box, unknowns)
-                loop.deliver(numbers, links, memory, R, turn(R, force), turn(R, moment), arm, 0)
+                loop.deliver(numbers, links, memory, R, R, force, moment, sixes, arm, 0)
         for i in range(box.shape[0]):
             speeds[COMMANDS, i] = box[i, MAX_SPEED] * math.sqrt(unknowns[U, i])
         return OUT_OF_REACH if saturated else IN_REACH

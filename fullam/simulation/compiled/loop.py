@@ -227,15 +227,21 @@ def command(numbers, links, memory, state, target, rate, feedforward, k, arm, ro
 
 
 @merged
-def deliver(numbers, links, memory, R, force, moment, arm, row):
-    """Tell the law the wrench that the allocation achieved, world axes."""
-    lack = subtract(force, three(memory, COMMAND, 0))
-    twist = subtract(moment, three(memory, COMMAND, 3))
+def deliver(numbers, links, memory, R, R_thrust, force, moment, sixes, arm, row):
+    """Tell the law the wrench that the allocation achieved, {A} axes; see `Controller.delivered`.
+
+    Row WANTED of `sixes` is the wrench that is missing nothing about the centre of mass.
+    """
+    force_W, moment_W = turn(R_thrust, force), turn(R_thrust, moment)
     if numbers[MISC, KIND] == BACKSTEPPING:
+        lack = subtract(force_W, three(memory, COMMAND, 0))
+        twist = subtract(moment_W, three(memory, COMMAND, 3))
         drain_backstepping(numbers, links, memory, R, lack, twist, arm, row)
     else:
+        lack = turn(R_thrust, subtract(force, three(sixes, WANTED, 0)))
+        twist = turn(R_thrust, subtract(moment, three(sixes, WANTED, 3)))
         drain_pid(numbers, memory, R, lack, twist)
-        keep_in_hand(numbers, memory, R, force, moment)
+        keep_in_hand(numbers, memory, R, force_W, moment_W)
 
 
 @merged
@@ -304,8 +310,7 @@ def fly(job, log, start, stop, last):
                 box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, center
             ):
                 force, moment = achieved(box, unknowns)
-                force_W, moment_W = turn(R_thrust, force), turn(R_thrust, moment)
-                deliver(numbers, nominal, memory, R, force_W, moment_W, arm, row)
+                deliver(numbers, nominal, memory, R, R_thrust, force, moment, sixes, arm, row)
                 write(log_residual, k, 0, subtract(force, three(state, ASKED, 0)))
                 write(log_residual, k, 3, subtract(moment, three(state, ASKED, 3)))
                 log_saturated[k] = True
