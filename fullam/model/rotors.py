@@ -79,23 +79,22 @@ def rotor_moments(
     return lever + axes * (spins * k_tau * squared_speeds)[:, None]
 
 
-def moment_map(position: Array, spin: float, k_f: float, k_tau: float) -> Array:
-    """s_tau(r, d, k_f, k_tau) = s(k_f r) + d k_tau 1, eqs. (31)-(32); shape (3, 3).
+def moment_map(position: Array, spin: ArrayLike, k_f: ArrayLike, k_tau: ArrayLike) -> Array:
+    """s_tau(r, d, k_f, k_tau) = s(k_f r) + d k_tau 1, eqs. (31)-(32); shape (..., 3, 3).
 
-    Applied to a thrust axis it gives the moment of that rotor per squared speed.
+    Applied to a thrust axis it gives the moment of that rotor per squared speed. The position has
+    shape (..., 3), the others (...).
     """
-    r1, r2, r3 = k_f * position
-    drag = spin * k_tau
-    return np.array([[drag, -r3, r2], [r3, drag, -r1], [-r2, r1, drag]])
+    r1, r2, r3 = np.multiply(k_f, np.moveaxis(position, -1, 0))
+    drag = np.multiply(spin, k_tau)
+    entries = [drag, -r3, r2, r3, drag, -r1, -r2, r1, drag]
+    return np.stack(entries, axis=-1).reshape(*drag.shape, 3, 3)
 
 
 def moment_matrix(positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array) -> Array:
     """M_tau of eq. (33), one column s_tau(r_i, d_i, k_f, k_tau) e_i per rotor; shape (3, n)."""
-    columns = [
-        moment_map(r, d, kf, kt) @ e
-        for r, e, d, kf, kt in zip(positions, axes, spins, k_f, k_tau, strict=True)
-    ]
-    return np.stack(columns, axis=1)
+    columns: Array = (moment_map(positions, spins, k_f, k_tau) @ axes[..., None])[..., 0]
+    return columns.T
 
 
 def coupling_matrix(positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array) -> Array:

@@ -58,33 +58,40 @@ def test_both_contenders_meet_the_same_weather():
     assert np.array_equal(flights[0].disturbance, flights[1].disturbance)
 
 
+def count_flights(monkeypatch):
+    """A list that from now on gets the key of every flight."""
+    counted, fly = [], Campaign.fly
+    monkeypatch.setattr(Campaign, "fly", lambda self, keys: counted.extend(keys) or fly(self, keys))
+    return counted
+
+
 def test_a_stopped_campaign_continues_and_ends_with_the_same_bytes(tmp_path, finished, monkeypatch):
-    monkeypatch.setattr(campaign_module, "BATCH", 3)
+    monkeypatch.setattr(campaign_module, "BATCH", {"reference": 3})
     campaign, out = small(traces=True), tmp_path / "again.parquet"
     flown = []
-    fly = Campaign.fly
+    figures = Campaign._figures
 
-    def stopping(self, key):
+    def stopping(self, fly, seed, vehicle):
         if len(flown) == 7:
             raise KeyboardInterrupt
-        flown.append(key)
-        return fly(self, key)
+        flown.append(seed)
+        return figures(self, fly, seed, vehicle)
 
-    monkeypatch.setattr(Campaign, "fly", stopping)
+    monkeypatch.setattr(Campaign, "_figures", stopping)
     with pytest.raises(KeyboardInterrupt):
         sweep(campaign, out)
     assert not out.exists()
     kept = CampaignStore(out, campaign.identity(), False).keys
-    assert len(kept) == 6  # two whole batches of three
+    assert len(kept) == 5  # two whole batches: three seeds and the other two
     # What a kill in the middle of a write leaves.
     (tmp_path / "again.parquet.parts" / ".half-written.parquet").write_bytes(b"PAR1")
 
-    counted = []
-    monkeypatch.setattr(Campaign, "fly", lambda self, key: counted.append(key) or fly(self, key))
+    monkeypatch.setattr(Campaign, "_figures", figures)
+    counted = count_flights(monkeypatch)
     told = []
     sweep(campaign, out, progress=lambda done, total: told.append((done, total)))
-    assert len(counted) == 4
-    assert told[0] == (6, 10)
+    assert len(counted) == 5
+    assert told[0] == (5, 10)
     assert told[-1] == (10, 10)
     assert out.read_bytes() == finished[0].read_bytes()
 
@@ -93,9 +100,7 @@ def test_a_finished_campaign_is_not_flown_again_but_extended(tmp_path, monkeypat
     out = tmp_path / "sweep.parquet"
     sweep(small(range(2)), out)
     before = out.read_bytes()
-    counted = []
-    fly = Campaign.fly
-    monkeypatch.setattr(Campaign, "fly", lambda self, key: counted.append(key) or fly(self, key))
+    counted = count_flights(monkeypatch)
     sweep(small(range(2)), out)
     assert not counted
     assert out.read_bytes() == before
@@ -113,10 +118,10 @@ def test_a_diverged_and_a_failed_flight_are_rows(tmp_path, monkeypatch):
     assert "deg from the reference" in table.column("reason")[0]
     assert not table.column("settled").any()
 
-    def breaks(*args, **kwargs):
+    def breaks(seed):
         raise FullamError("the allocation found nothing")
 
-    monkeypatch.setattr(campaign_module, "simulate", breaks)
+    monkeypatch.setattr(campaign_module, "fly_under_seeds", lambda plan, engine: breaks)
     table = sweep(small([0]), tmp_path / "b.parquet")
     assert list(table.column("outcome")) == ["failed", "failed"]
     assert np.isnan(table.column("rms_position_mm")).all()

@@ -7,14 +7,13 @@ import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import NonFiniteWrench
-from fullam.model.perturbation import perturb
 from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.arrays import (
     craft_of,
@@ -32,11 +31,10 @@ from fullam.simulation.compiled.engine import NAME
 from fullam.simulation.compiled.entries import fly
 from fullam.simulation.compiled.integrate import ASKED
 from fullam.simulation.compiled.jit import announced
-from fullam.simulation.compiled.loop import DIVERGED, NOT_FINITE, Job
+from fullam.simulation.compiled.loop import DIVERGED, NOT_FINITE
 from fullam.simulation.flight import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.run import Run, allocate_columns
-from fullam.simulation.weather import forecast
 
 AHEAD = 2
 """Flights a thread may be ahead of the reader: what bounds the memory."""
@@ -66,64 +64,85 @@ class Flown:
         return finish(self.plan, self.columns, self.rows, "diverged", reason or "", NAME)
 
 
-def with_seed(plan: FlightPlan, seed: int) -> FlightPlan:
-    """The same plan in the weather, and with the true vehicle, of another seed."""
-    draw = forecast(plan.weather, seed, plan.t)
-    true = perturb(plan.nominal, plan.weather.uncertainty, draw.parameters)
-    return replace(plan, seed=seed, forecast=draw, true=true)
+class Batch:
+    """One plan under many seeds.
+
+    A flight equals that of `simulate` with its seed bit for bit. Threads may share a batch: the
+    compiled loop runs without Python's global lock, so they fly side by side.
+    """
+
+    def __init__(self, plan: FlightPlan) -> None:
+        """Prepare what the flights share.
+
+        Args:
+            plan: The plan of any seed.
+
+        Raises:
+            SettingsError: The plan holds something that is not compiled; the message names it.
+            VehicleError: The arm is not one chain of revolute joints.
+        """
+        self.plan = plan
+        self._shared = job_of(plan)
+        self._local = threading.local()
+
+    def fly(self, seed: int) -> Flown:
+        """Fly one seed.
+
+        Raises:
+            NonFiniteWrench: The controller returned NaN or infinity.
+        """
+        plan, shared = self.plan.with_seed(seed), self._shared
+        s, n, true = plan.simulation, plan.nominal, plan.true
+        job = shared._replace(
+            craft=craft_of(true, links_of(true), s.integrator, s.plant_period, s.substeps),
+            memory=law_memory(),
+            allotment=self._allotment(),
+            draw=draw_of(plan.forecast),
+            rules=rules_of(plan),
+            state=state_at(plan.scenario.initial_pose),
+            speeds=shared.speeds.copy(),
+        )
+        total = plan.t.size
+        columns = allocate_columns(total, n.n_arm, n.rotors.count)
+        log = log_of(columns)
+        with announced("the flight loop", fly):
+            rows, ending = fly(job, log, 0, total, total - 1)
+        if ending == NOT_FINITE:
+            raise NonFiniteWrench(np.array(job.state[ASKED, :6]))
+        return Flown(plan, columns, rows, ending == DIVERGED)
+
+    def _allotment(self) -> Allotment:
+        """The allocation of this thread, as before a flight; its maps of active sets stay."""
+        if not hasattr(self._local, "allotment"):
+            shared = self._shared.allotment
+            self._local.allotment = fresh_allotment(shared.box, shared.scales)
+        allotment: Allotment = self._local.allotment
+        start_afresh(allotment)
+        return allotment
 
 
 def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Iterator[Flown]:
     """Fly one plan under many seeds; yields the flights in the order of the seeds.
 
-    Each flight equals that of `simulate` with its seed bit for bit, however many threads there
-    are. The compiled loop runs without Python's global lock, so threads fly side by side.
-
     Args:
         plan: The plan of any seed.
         seeds: The seeds to fly.
-        threads: How many flights at a time.
+        threads: How many flights at a time; the flights are the same however many there are.
 
     Raises:
-        SettingsError: The plan holds something that is not compiled; the message names it.
+        SettingsError, VehicleError: As in `Batch`.
         NonFiniteWrench: The controller returned NaN or infinity.
     """
-    shared, local = job_of(plan), threading.local()
-
-    def one(seed: int) -> Flown:
-        if not hasattr(local, "allotment"):
-            local.allotment = fresh_allotment(shared.allotment.box, shared.allotment.scales)
-        return _fly_one(with_seed(plan, seed), shared, local.allotment)
-
-    remaining = iter(seeds)
-    with announced("the flight loop", fly):
-        yield from map(one, itertools.islice(remaining, 1))
+    batch, remaining = Batch(plan), iter(seeds)
     if threads <= 1:
-        yield from map(one, remaining)
+        yield from map(batch.fly, remaining)
         return
+    yield from map(batch.fly, itertools.islice(remaining, 1))  # compiles, if it has to be
     with ThreadPoolExecutor(threads) as pool:
-        waiting = deque(pool.submit(one, s) for s in itertools.islice(remaining, AHEAD * threads))
+        waiting = deque(
+            pool.submit(batch.fly, s) for s in itertools.islice(remaining, AHEAD * threads)
+        )
         while waiting:
             flown = waiting.popleft().result()
-            waiting.extend(pool.submit(one, s) for s in itertools.islice(remaining, 1))
+            waiting.extend(pool.submit(batch.fly, s) for s in itertools.islice(remaining, 1))
             yield flown
-
-
-def _fly_one(plan: FlightPlan, shared: Job, allotment: Allotment) -> Flown:
-    s, n = plan.simulation, plan.nominal
-    start_afresh(allotment)
-    job = shared._replace(
-        craft=craft_of(plan.true, links_of(plan.true), s.integrator, s.plant_period, s.substeps),
-        memory=law_memory(),
-        allotment=allotment,
-        draw=draw_of(plan.forecast),
-        rules=rules_of(plan),
-        state=state_at(plan.scenario.initial_pose),
-        speeds=shared.speeds.copy(),
-    )
-    total = plan.t.size
-    columns = allocate_columns(total, n.n_arm, n.rotors.count)
-    rows, ending = fly(job, log_of(columns), 0, total, total - 1)
-    if ending == NOT_FINITE:
-        raise NonFiniteWrench(np.array(job.state[ASKED, :6]))
-    return Flown(plan, columns, rows, ending == DIVERGED)
