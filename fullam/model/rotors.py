@@ -155,17 +155,18 @@ class Rotors:
                 raise VehicleError(self.where, field, "is not finite", "give finite numbers")
             object.__setattr__(self, field, value)
         lengths = np.linalg.norm(self.axes, axis=1)
-        for name, length in zip(self.names, lengths, strict=True):
-            if abs(length - 1.0) > UNIT_TOLERANCE:
-                raise VehicleError(
-                    self.where,
-                    f"axis of rotor '{name}'",
-                    f"has length {length:.6g}",
-                    f"a thrust axis is a unit vector (within {UNIT_TOLERANCE:g})",
-                )
-        if np.any(np.abs(lengths - 1.0) > NORMALIZED):  # else a copy would differ in its last bit
+        error = np.abs(lengths - 1.0)
+        if error.max() > UNIT_TOLERANCE:
+            worst = int(error.argmax())
+            raise VehicleError(
+                self.where,
+                f"axis of rotor '{self.names[worst]}'",
+                f"has length {lengths[worst]:.6g}",
+                f"a thrust axis is a unit vector (within {UNIT_TOLERANCE:g})",
+            )
+        if error.max() > NORMALIZED:  # else a copy would differ in its last bit
             object.__setattr__(self, "axes", self.axes / lengths[:, None])
-        self._require("spins", np.isin(self.spins, (-1.0, 1.0)), "spin is +1 or -1")
+        self._require("spins", np.abs(self.spins) == 1.0, "spin is +1 or -1")
         self._require("k_f", self.k_f > 0, "a thrust coefficient is positive")
         self._require("k_tau", self.k_tau >= 0, "a drag coefficient is not negative; use the spin")
         self._require("max_speeds", self.max_speeds >= 0, "a largest speed is not negative")
@@ -174,11 +175,11 @@ class Rotors:
             getattr(self, field).setflags(write=False)
 
     def _require(self, field: str, good: NDArray[np.bool_], remedy: str) -> None:
-        bad = np.flatnonzero(~good)
-        if bad.size:
-            value = getattr(self, field)[bad[0]]
+        if not good.all():
+            bad = int(good.argmin())
+            value = getattr(self, field)[bad]
             raise VehicleError(
-                self.where, f"{field} of rotor '{self.names[bad[0]]}'", f"is {value:g}", remedy
+                self.where, f"{field} of rotor '{self.names[bad]}'", f"is {value:g}", remedy
             )
 
     @property

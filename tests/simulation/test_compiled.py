@@ -33,7 +33,8 @@ from fullam.simulation.compiled.allocation import (
     UNCONFIRMED,
     U,
 )
-from fullam.simulation.compiled.dynamics import arm_rows, chain_rows
+from fullam.simulation.compiled.arrays import arm_of
+from fullam.simulation.compiled.dynamics import chain_rows
 from fullam.simulation.compiled.integrate import POSE, VELOCITY
 from fullam.simulation.compiled.tick import CompiledTick
 
@@ -67,9 +68,10 @@ def test_accelerations_are_pinocchios_over_200_states_with_perturbed_inertias(na
         wrench = 50.0 * rng.normal(size=6)
         state, out = np.zeros((8, 7)), np.zeros((1, 6))
         state[POSE], state[VELOCITY, :6] = q[:7], v[:6]
+        links = chain_rows(LinkChain.from_model(model))
         entries.accelerate(
-            chain_rows(LinkChain.from_model(model)),
-            arm_rows(q[None, 7:], v[None, 6:], ddtheta[None]),
+            links,
+            arm_of(links, q[None, 7:], v[None, 6:], ddtheta[None]),
             true.gravity,
             state,
             wrench[None],

@@ -6,7 +6,7 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import NonFiniteWrench
+from fullam.model.chain import LinkChain
 from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.arrays import (
     craft_of,
@@ -21,23 +22,24 @@ from fullam.simulation.compiled.arrays import (
     fresh_allotment,
     job_of,
     law_memory,
-    links_of,
     log_of,
-    rules_of,
     start_afresh,
-    state_at,
 )
+from fullam.simulation.compiled.dynamics import chain_rows, with_bodies, z_frames
 from fullam.simulation.compiled.engine import NAME
 from fullam.simulation.compiled.entries import fly
 from fullam.simulation.compiled.integrate import ASKED
 from fullam.simulation.compiled.jit import announced
-from fullam.simulation.compiled.loop import DIVERGED, NOT_FINITE
+from fullam.simulation.compiled.loop import DIVERGED, NOT_FINITE, Job
 from fullam.simulation.flight import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.run import Run, allocate_columns
 
+TOGETHER = 8
+"""Flights that are prepared at a time."""
+
 AHEAD = 2
-"""Flights a thread may be ahead of the reader: what bounds the memory."""
+"""So many times `TOGETHER` may a thread be ahead of the reader: what bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,8 @@ class Batch:
         """
         self.plan = plan
         self._shared = job_of(plan)
+        chain = LinkChain.from_model(plan.nominal.model)
+        self._links, self._frames = chain_rows(chain), z_frames(chain)
         self._local = threading.local()
 
     def fly(self, seed: int) -> Flown:
@@ -91,22 +95,41 @@ class Batch:
         Raises:
             NonFiniteWrench: The controller returned NaN or infinity.
         """
-        plan, shared = self.plan.with_seed(seed), self._shared
-        s, n, true = plan.simulation, plan.nominal, plan.true
-        job = shared._replace(
-            craft=craft_of(true, links_of(true), s.integrator, s.plant_period, s.substeps),
-            memory=law_memory(),
-            allotment=self._allotment(),
-            draw=draw_of(plan.forecast),
-            rules=rules_of(plan),
-            state=state_at(plan.scenario.initial_pose),
-            speeds=shared.speeds.copy(),
+        return self._fly(*self._prepare(seed))
+
+    def fly_some(self, seeds: Iterable[int]) -> list[Flown]:
+        """Fly a few seeds: all are prepared before the first flies.
+
+        A flight clears the processor's caches of what prepares the next one, which then takes
+        twice as long.
+        """
+        return [self._fly(*prepared) for prepared in [self._prepare(seed) for seed in seeds]]
+
+    def _prepare(self, seed: int) -> tuple[FlightPlan, Job]:
+        """The plan of a seed, and as arrays; the allocation is lent when it flies."""
+        plan = self.plan.with_seed(seed)
+        bodies = plan.true.model.inertias.tolist()[1:]
+        links = with_bodies(
+            self._links,
+            self._frames,
+            np.array([body.mass for body in bodies]),
+            np.array([body.lever for body in bodies]),
+            np.array([body.inertia for body in bodies]),
         )
+        return plan, self._shared._replace(
+            craft=craft_of(plan, links),
+            memory=law_memory(),
+            draw=draw_of(plan.forecast),
+            state=self._shared.state.copy(),
+            speeds=self._shared.speeds.copy(),
+        )
+
+    def _fly(self, plan: FlightPlan, job: Job) -> Flown:
+        job = job._replace(allotment=self._allotment())
         total = plan.t.size
-        columns = allocate_columns(total, n.n_arm, n.rotors.count)
-        log = log_of(columns)
+        columns = allocate_columns(total, plan.nominal.n_arm, plan.nominal.rotors.count)
         with announced("the flight loop", fly):
-            rows, ending = fly(job, log, 0, total, total - 1)
+            rows, ending = fly(job, log_of(columns), 0, total, total - 1)
         if ending == NOT_FINITE:
             raise NonFiniteWrench(np.array(job.state[ASKED, :6]))
         return Flown(plan, columns, rows, ending == DIVERGED)
@@ -135,14 +158,20 @@ def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Itera
     """
     batch, remaining = Batch(plan), iter(seeds)
     if threads <= 1:
-        yield from map(batch.fly, remaining)
+        while some := list(itertools.islice(remaining, TOGETHER)):
+            yield from batch.fly_some(some)
         return
     yield from map(batch.fly, itertools.islice(remaining, 1))  # compiles, if it has to be
     with ThreadPoolExecutor(threads) as pool:
-        waiting = deque(
-            pool.submit(batch.fly, s) for s in itertools.islice(remaining, AHEAD * threads)
-        )
+        waiting: deque[Future[list[Flown]]] = deque()
+
+        def enqueue() -> None:
+            if some := list(itertools.islice(remaining, TOGETHER)):
+                waiting.append(pool.submit(batch.fly_some, some))
+
+        for _ in range(AHEAD * threads):
+            enqueue()
         while waiting:
             flown = waiting.popleft().result()
-            waiting.extend(pool.submit(batch.fly, s) for s in itertools.islice(remaining, 1))
-            yield flown
+            enqueue()
+            yield from flown
