@@ -142,7 +142,7 @@ def rotorpy_flight():
     ],
 )
 def test_against_rotorpy(benchmark, meter, ours, name, bounded):
-    plan = workloads.plan("fullam", 0.001 * (STEPS - 1))
+    plan = workloads.plan("fullam", 0.001 * STEPS)
     must, aim = (30.0, 70.0) if bounded else (None, None)
     group = "Against rotorpy: its controller and step at 1 kHz (ours with arm and allocation)"
     row = Row(group, name, 0.0, must=must, aim=aim, unit="x")
