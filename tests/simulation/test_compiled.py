@@ -270,9 +270,10 @@ def test_a_wrench_that_is_not_finite_is_refused():
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_is_the_single_flights(threads):
+def test_a_batch_is_the_single_flights(threads, monkeypatch):
+    monkeypatch.setattr(batch, "TOGETHER", 2)
     plan = prepare("task-2", seed=99)
-    for flown in batch.fly_seeds(plan, range(4), threads):
+    for flown in batch.fly_seeds(plan, range(5), threads):
         run, single = flown.run(), simulate("task-2", seed=flown.plan.seed, engine="compiled")
         assert run.metadata == single.metadata
         for name, column in single.columns.items():
