@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from meter import Meter, report
+from page import write_section
 
 METER = pytest.StashKey[Meter]()
 
@@ -20,6 +21,7 @@ def pytest_addoption(parser):
     parser.addoption(
         "--flights", type=int, default=100, help="flights of the campaign rows (1000 in README.md)"
     )
+    parser.addoption("--readme", action="store_true", help="write the summary to README.md")
 
 
 def pytest_configure(config):
@@ -50,11 +52,21 @@ SKIPPED: list[str] = []
 def pytest_terminal_summary(terminalreporter, config):
     meter = config.stash[METER]
     meter.skipped += SKIPPED
-    terminalreporter.section("fullam: the control loop in RNEA equivalents")
     load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
-    terminalreporter.write_line(
-        f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {load}, "
-        f"Python {platform.python_version()}"
-    )
-    for line in report(meter):
+    lines = [
+        f"{processor()}, {os.cpu_count()} cores, load {load}, Python {platform.python_version()}",
+        *report(meter),
+    ]
+    terminalreporter.section("fullam: the control loop in RNEA equivalents")
+    for line in lines:
         terminalreporter.write_line(line)
+    if config.getoption("--readme"):
+        write_section("figures", "\n".join(["```", *lines, "```"]))
+
+
+def processor():
+    """The processor's name, where the system tells."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

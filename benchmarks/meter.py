@@ -157,20 +157,22 @@ def rnea_timer(vehicle: Vehicle, timer: Callable[[], float]) -> Callable[[], flo
 
 def report(meter: Meter) -> list[str]:
     """The summary, line by line."""
-    if not meter.rows:
-        return [f"not run: {reason}" for reason in meter.skipped]
-    lines = [f"RE = {statistics.median(meter.units):.2f} us, the median of {len(meter.units)}"]
-    head = f"{'':52}{'us':>10}{'RE':>8}{'x C++':>7}{'value':>13}{'must':>7}{'aim':>6}  kept"
+    lines = []
+    if meter.units:
+        unit = statistics.median(meter.units)
+        lines.append(f"RE = {unit:.2f} us, the median of {len(meter.units)}")
     for group in dict.fromkeys(row.group for row in meter.rows):
-        lines += ["", f"{group:<52}{head[52:]}"]
-        for row in (r for r in meter.rows if r.group == group):
+        rows = [row for row in meter.rows if row.group == group]
+        head = f"{'us':>9}{'RE':>8}{'x C++':>7}{rows[0].unit:>15}{'must':>7}{'aim':>7}"
+        lines += ["", group, f"  {'':<46}{head}"]
+        for row in rows:
             re = "" if row.re is None else f"{row.re:.1f}"
             over = "" if row.floor is None else f"{row.us / row.floor:.1f}"
-            value = "" if row.value is None else f"{row.value:.3g} {row.unit}"
+            value = "" if row.value is None else f"{row.value:.3g}"
             must, aim = ("" if x is None else f"{x:g}" for x in (row.must, row.aim))
+            kept = "; ".join(text for text in (row.verdict, row.note) if text)
             lines.append(
-                f"  {row.name:<50}{row.us:>10.2f}{re:>8}{over:>7}{value:>13}{must:>7}{aim:>6}"
-                f"  {row.verdict}{'; ' if row.verdict and row.note else ''}{row.note}".rstrip()
+                f"  {row.name:<46}{row.us:>9.2f}{re:>8}{over:>7}{value:>15}{must:>7}{aim:>7}"
+                f"  {kept}".rstrip()
             )
-    lines += [""] + [f"not run: {reason}" for reason in meter.skipped]
-    return lines
+    return lines + [""] + [f"not run: {reason}" for reason in meter.skipped]

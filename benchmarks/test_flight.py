@@ -7,14 +7,15 @@ import multiprocessing
 import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 
 import pytest
 import workloads
 from meter import Row, rnea_timer
 
+from fullam.analysis.campaign import Campaign
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.simulate import fly_under_seeds
 from fullam.simulation.weather import CALM
 
 FLOOR = {"fullam": 4.65, "hextilt": 4.65}
@@ -84,19 +85,36 @@ def test_closed_loop_compiled(benchmark, meter, weather, vehicle):
     closed_loop(benchmark, meter, prepare, flown, name, 60.0, 80.0, FLOOR[vehicle])
 
 
-def fly_some(seeds: list[int], flown: FlightPlan | None = None) -> int:
-    """One worker's share of a campaign in Python."""
-    from fullam.simulation.flight_plan import forecast, perturb
-
-    flown = flown or plan("fullam")
+def fly_share(seeds: list[int], flown: FlightPlan | None = None) -> int:
+    """One worker's share of a campaign in Python, records included."""
+    fly = fly_under_seeds(flown or plan("fullam"))
     for seed in seeds:
-        draw = forecast(flown.weather, seed, flown.t)
-        true = perturb(flown.nominal, flown.weather.uncertainty, draw.parameters)
-        flight = Flight(replace(flown, seed=seed, forecast=draw, true=true))
-        for _ in flight.ticks():
-            pass
-        flight.run()
+        fly(seed)
     return len(seeds)
+
+
+def sweep_share(seeds: list[int]) -> int:
+    """One worker's share of a campaign as `fullam sweep` flies it: records, figures, rows."""
+    flown = plan("fullam")
+    some = Campaign(
+        (flown.scenario,),
+        ("dc-pid",),
+        tuple(seeds),
+        weather=flown.weather,
+        simulation=flown.simulation,
+        engine="compiled",
+    )
+    return len(some.fly(some.keys))
+
+
+def in_processes(share, count, then):
+    """Call `then` with a function that has `WORKERS` processes do their shares of `count` seeds."""
+    shares = [list(range(w, count, WORKERS)) for w in range(WORKERS)]
+    # Spawned and warmed up, as a campaign's workers are.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
+        list(pool.map(share, [[0]] * WORKERS))
+        then(lambda: list(pool.map(share, shares)))
 
 
 def campaign(benchmark, meter, work, flights, name, must, aim, rounds=3):
@@ -122,20 +140,11 @@ def campaign(benchmark, meter, work, flights, name, must, aim, rounds=3):
 @pytest.mark.benchmark(timer=time.perf_counter)
 def test_campaign_in_processes(benchmark, meter, flights):
     count = max(WORKERS, flights // 5)
-    shares = [list(range(w, count, WORKERS)) for w in range(WORKERS)]
-    # Spawned and warmed up, as a campaign's workers are.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
-        list(pool.map(fly_some, [[0]] * WORKERS))
-        campaign(
-            benchmark,
-            meter,
-            lambda: list(pool.map(fly_some, shares)),
-            count,
-            "numpy, processes",
-            30.0,
-            26.0,
-        )
+
+    def measure(work):
+        campaign(benchmark, meter, work, count, "numpy, processes, with records", 30.0, 26.0)
+
+    in_processes(fly_share, count, measure)
 
 
 @pytest.mark.benchmark(timer=time.perf_counter)
@@ -147,4 +156,15 @@ def test_campaign_compiled(benchmark, meter, flights):
         for flown in fly_seeds(plan("fullam"), range(flights), threads=WORKERS):
             assert flown.rows == STEPS
 
-    campaign(benchmark, meter, work, flights, "compiled, threads", 1.0, 0.57)
+    campaign(benchmark, meter, work, flights, "compiled, threads, the flights", 1.0, 0.57)
+
+
+@pytest.mark.benchmark(timer=time.perf_counter)
+def test_sweep_compiled(benchmark, meter, flights):
+    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
+
+    def measure(work):
+        name = "compiled, processes, with records and figures"
+        campaign(benchmark, meter, work, flights, name, None, None)
+
+    in_processes(sweep_share, flights, measure)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.util
+import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,7 +26,6 @@ from fullam.control.estimator import estimator_class
 from fullam.exceptions import (
     CampaignError,
     FullamError,
-    MissingDependency,
     SettingsError,
     UnknownName,
     VehicleError,
@@ -34,16 +34,17 @@ from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import ENGINES, prepare, simulate
+from fullam.simulation.simulate import ENGINES, fly_under_seeds, prepare
 from fullam.simulation.weather import Weather
 from fullam.simulation.weather import weather as named_weather
 
 if TYPE_CHECKING:
     from fullam.analysis.campaign_store import CampaignTable, Key
     from fullam.simulation.flight_plan import FlightPlan
+    from fullam.simulation.run import Run
 
-BATCH = 8
-"""Flights in a task: about a second and a half of work against 3 ms of scheduling."""
+BATCH = {"reference": 8, "compiled": 64}
+"""Flights in a task: about a second of work against 3 ms of scheduling and 10 ms of preparation."""
 
 TRACE_PERIOD = 0.04
 """Time between kept samples of a motion [s]; the motion itself is below 5 Hz."""
@@ -155,10 +156,7 @@ class Campaign:
                 )
         if self.engine not in (*ENGINES, FASTEST):
             raise UnknownName("engine", self.engine, (*ENGINES, FASTEST))
-        plans = {
-            c.label: [self._fly_arguments(s, c, seeds[0], prepare) for s in scenarios]
-            for c in contenders
-        }
+        plans = {c.label: [self.plan(s, c) for s in scenarios] for c in contenders}
         engines = {
             label: self.engine if self.engine != FASTEST else fastest_engine(those)
             for label, those in plans.items()
@@ -171,17 +169,16 @@ class Campaign:
         engines: dict[str, str] = self._engines  # type: ignore[attr-defined]
         return engines
 
-    def _fly_arguments(
-        self, scenario: Scenario, contender: Contender, seed: int, call: Callable[..., Any]
-    ) -> Any:
+    def plan(self, scenario: Scenario, contender: Contender) -> FlightPlan:
+        """What a contender flies in a scenario, under the first seed."""
         simulation = self.simulation
         if contender.estimator is not None:
             simulation = replace(simulation, estimator=contender.estimator)
-        return call(
+        return prepare(
             scenario,
             contender.controller,
             vehicle=_vehicle(scenario.vehicle),
-            seed=seed,
+            seed=self.seeds[0],
             weather=self.weather,
             settings=contender.settings,
             simulation=simulation,
@@ -221,31 +218,46 @@ class Campaign:
             "code": code_digest(),
         }
 
-    def fly(self, key: Key) -> dict[str, Any]:
-        """Fly one cell and return its row."""
-        name, label, seed = key
-        scenario = next(s for s in self.scenarios if s.name == name)
-        contender = next(c for c in self.contenders if c.label == label)
-        row: dict[str, Any] = {
-            "scenario": name,
-            "contender": label,
-            "controller": contender.controller,
-            "estimator": contender.estimator or self.simulation.estimator,
-            "seed": seed,
-        }
-        flight = functools.partial(simulate, engine=self.engines[label], throw=False)
+    def fly(self, keys: list[Key]) -> list[dict[str, Any]]:
+        """Fly some cells and return their rows; neighbours that differ in seed alone share a plan.
+
+        Raises:
+            MissingDependency: The engine's package is not installed.
+        """
+        rows = []
+        for (name, label), group in itertools.groupby(keys, key=lambda key: key[:2]):
+            scenario = next(s for s in self.scenarios if s.name == name)
+            contender = next(c for c in self.contenders if c.label == label)
+            plan = self.plan(scenario, contender)
+            fly = fly_under_seeds(plan, self.engines[label])
+            for _, _, seed in group:
+                row: dict[str, Any] = {
+                    "scenario": name,
+                    "contender": label,
+                    "controller": contender.controller,
+                    "estimator": plan.simulation.estimator,
+                    "seed": seed,
+                }
+                rows.append(row | self._figures(fly, seed, plan.nominal))
+        return rows
+
+    def _figures(self, fly: Callable[[int], Run], seed: int, vehicle: Vehicle) -> dict[str, Any]:
+        """What a flight gives to its row."""
+        from fullam.analysis.campaign_store import flatten
+
         try:
-            run = self._fly_arguments(scenario, contender, seed, flight)
-        except MissingDependency:
-            raise
+            run = fly(seed)
         except (FullamError, np.linalg.LinAlgError) as error:
-            # The cell was prepared before, so this is the flight's end and not a wrong name.
-            return row | {"outcome": "failed", "reason": str(error)}
-        row |= {"outcome": run.outcome, "reason": str(run.metadata.get("reason", ""))}
+            # The plan was prepared before, so this is the flight's end and not a wrong name.
+            return {"outcome": "failed", "reason": str(error)}
+        row: dict[str, Any] = {
+            "outcome": run.outcome,
+            "reason": str(run.metadata.get("reason", "")),
+        }
         if self.traces:
             stride = max(1, round(TRACE_PERIOD / self.simulation.control_period))
             row["trace"] = coordinates(run.pose)[::stride].ravel().astype(np.float32).tolist()
-        return row | flatten_metrics(run, _vehicle(scenario.vehicle))
+        return row | flatten(measure(run, vehicle))
 
 
 def fastest_engine(plans: Iterable[FlightPlan]) -> str:
@@ -262,13 +274,6 @@ def fastest_engine(plans: Iterable[FlightPlan]) -> str:
     return "compiled"
 
 
-def flatten_metrics(run: Any, vehicle: Vehicle) -> dict[str, Any]:
-    """All figures of a flight as one flat row."""
-    from fullam.analysis.campaign_store import flatten
-
-    return flatten(measure(run, vehicle))
-
-
 def fly_batch(campaign: Campaign, keys: list[Key], code: str) -> list[dict[str, Any]]:
     """Fly some cells; this is what a worker is sent.
 
@@ -279,7 +284,7 @@ def fly_batch(campaign: Campaign, keys: list[Key], code: str) -> list[dict[str, 
         raise CampaignError(
             "worker", "code", "differs from the campaign's", "install one version everywhere"
         )
-    return [campaign.fly(key) for key in keys]
+    return campaign.fly(keys)
 
 
 def sweep(
@@ -333,7 +338,10 @@ def _flown(
     campaign: Campaign, pending: list[Key], jobs: int, scheduler: str | None
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of finished batches, in the order in which they finish."""
-    batches = [pending[i : i + BATCH] for i in range(0, len(pending), BATCH)]
+    batches = []
+    for (_, label), group in itertools.groupby(pending, key=lambda key: key[:2]):
+        cells, size = list(group), BATCH[campaign.engines[label]]
+        batches += [cells[i : i + size] for i in range(0, len(cells), size)]
     if not batches:
         return
     fly = functools.partial(fly_batch, campaign, code=code_digest())

@@ -18,6 +18,7 @@ see either, and both costs are kept with the result: a gain that was only luck s
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
@@ -41,7 +42,7 @@ from fullam.model.vehicle import Vehicle
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import load_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import simulate
+from fullam.simulation.simulate import fly_under_seeds, prepare
 
 Array = NDArray[np.float64]
 
@@ -234,21 +235,18 @@ def candidate_cost(
     """Mean cost of a controller's settings over some flights."""
     simulation = SimulationSettings(estimator=estimator)
     costs = []
-    for name, seed in flights:
+    for name, group in itertools.groupby(flights, key=lambda flight: flight[0]):
         scenario = load_scenario(name)
         scenario = replace(scenario, duration=min(scenario.duration, FLIGHT_LENGTH))
-        vehicle = _vehicle(scenario.vehicle)
-        run = simulate(
+        plan = prepare(
             scenario,
             controller,
-            vehicle=vehicle,
-            seed=seed,
+            vehicle=_vehicle(scenario.vehicle),
             settings=dict(settings),
             simulation=simulation,
-            engine=engine,
-            throw=False,
         )
-        costs.append(flight_cost(run, vehicle))
+        fly = fly_under_seeds(plan, engine)
+        costs += [flight_cost(fly(seed), plan.nominal) for _, seed in group]
     return float(np.mean(costs))
 
 

@@ -79,23 +79,22 @@ def rotor_moments(
     return lever + axes * (spins * k_tau * squared_speeds)[:, None]
 
 
-def moment_map(position: Array, spin: float, k_f: float, k_tau: float) -> Array:
-    """s_tau(r, d, k_f, k_tau) = s(k_f r) + d k_tau 1, eqs. (31)-(32); shape (3, 3).
+def moment_map(position: Array, spin: ArrayLike, k_f: ArrayLike, k_tau: ArrayLike) -> Array:
+    """s_tau(r, d, k_f, k_tau) = s(k_f r) + d k_tau 1, eqs. (31)-(32); shape (..., 3, 3).
 
-    Applied to a thrust axis it gives the moment of that rotor per squared speed.
+    Applied to a thrust axis it gives the moment of that rotor per squared speed. The position has
+    shape (..., 3), the others (...).
     """
-    r1, r2, r3 = k_f * position
-    drag = spin * k_tau
-    return np.array([[drag, -r3, r2], [r3, drag, -r1], [-r2, r1, drag]])
+    r1, r2, r3 = np.multiply(k_f, np.moveaxis(position, -1, 0))
+    drag = np.multiply(spin, k_tau)
+    entries = [drag, -r3, r2, r3, drag, -r1, -r2, r1, drag]
+    return np.stack(entries, axis=-1).reshape(*drag.shape, 3, 3)
 
 
 def moment_matrix(positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array) -> Array:
     """M_tau of eq. (33), one column s_tau(r_i, d_i, k_f, k_tau) e_i per rotor; shape (3, n)."""
-    columns = [
-        moment_map(r, d, kf, kt) @ e
-        for r, e, d, kf, kt in zip(positions, axes, spins, k_f, k_tau, strict=True)
-    ]
-    return np.stack(columns, axis=1)
+    columns: Array = (moment_map(positions, spins, k_f, k_tau) @ axes[..., None])[..., 0]
+    return columns.T
 
 
 def coupling_matrix(positions: Array, axes: Array, spins: Array, k_f: Array, k_tau: Array) -> Array:
@@ -156,17 +155,18 @@ class Rotors:
                 raise VehicleError(self.where, field, "is not finite", "give finite numbers")
             object.__setattr__(self, field, value)
         lengths = np.linalg.norm(self.axes, axis=1)
-        for name, length in zip(self.names, lengths, strict=True):
-            if abs(length - 1.0) > UNIT_TOLERANCE:
-                raise VehicleError(
-                    self.where,
-                    f"axis of rotor '{name}'",
-                    f"has length {length:.6g}",
-                    f"a thrust axis is a unit vector (within {UNIT_TOLERANCE:g})",
-                )
-        if np.any(np.abs(lengths - 1.0) > NORMALIZED):  # else a copy would differ in its last bit
+        error = np.abs(lengths - 1.0)
+        if error.max() > UNIT_TOLERANCE:
+            worst = int(error.argmax())
+            raise VehicleError(
+                self.where,
+                f"axis of rotor '{self.names[worst]}'",
+                f"has length {lengths[worst]:.6g}",
+                f"a thrust axis is a unit vector (within {UNIT_TOLERANCE:g})",
+            )
+        if error.max() > NORMALIZED:  # else a copy would differ in its last bit
             object.__setattr__(self, "axes", self.axes / lengths[:, None])
-        self._require("spins", np.isin(self.spins, (-1.0, 1.0)), "spin is +1 or -1")
+        self._require("spins", np.abs(self.spins) == 1.0, "spin is +1 or -1")
         self._require("k_f", self.k_f > 0, "a thrust coefficient is positive")
         self._require("k_tau", self.k_tau >= 0, "a drag coefficient is not negative; use the spin")
         self._require("max_speeds", self.max_speeds >= 0, "a largest speed is not negative")
@@ -175,11 +175,11 @@ class Rotors:
             getattr(self, field).setflags(write=False)
 
     def _require(self, field: str, good: NDArray[np.bool_], remedy: str) -> None:
-        bad = np.flatnonzero(~good)
-        if bad.size:
-            value = getattr(self, field)[bad[0]]
+        if not good.all():
+            bad = int(good.argmin())
+            value = getattr(self, field)[bad]
             raise VehicleError(
-                self.where, f"{field} of rotor '{self.names[bad[0]]}'", f"is {value:g}", remedy
+                self.where, f"{field} of rotor '{self.names[bad]}'", f"is {value:g}", remedy
             )
 
     @property

@@ -6,6 +6,7 @@ sentence.
 
 from __future__ import annotations
 
+import functools
 import platform
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
@@ -247,13 +248,19 @@ def finish(
         "outcome": outcome,
         "reason": reason,
         "engine": engine,
-        "versions": {
-            "fullam": fullam.version.__version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("pin", "numpy", "scipy", "proxsuite")},
-        },
+        "versions": _versions(),
     }
     return Run(out, metadata)
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
+    """What flew: versions of the packages that decide a flight's last bits."""
+    return {
+        "fullam": fullam.version.__version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("pin", "numpy", "scipy", "proxsuite")},
+    }
 
 
 def _turn(R: Array, wrenches: Array) -> Array:

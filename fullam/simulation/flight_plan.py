@@ -6,7 +6,7 @@ weather), so that the loop only reads rows and every engine starts from the same
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -86,11 +86,6 @@ class FlightPlan:
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
-        if not isinstance(seed, int | np.integer) or seed < 0:
-            raise ScenarioError(
-                "simulate", "seed", f"is {seed!r}", "give a whole number, 0 or more"
-            )
-        seed = int(seed)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
@@ -130,8 +125,7 @@ class FlightPlan:
                 reference, make_estimator(simulation, weather, vehicle.gravity), lag
             )
             reference = anticipation.reference
-        draw = forecast(weather, seed, t)
-        true = perturb(vehicle, weather.uncertainty, draw.parameters)
+        draw, true = _draw(weather, seed, t, vehicle)
         return cls(
             scenario,
             vehicle,
@@ -140,7 +134,7 @@ class FlightPlan:
             settings,
             simulation,
             weather,
-            seed,
+            int(seed),
             t,
             asked,
             reference,
@@ -149,9 +143,28 @@ class FlightPlan:
             draw,
         )
 
+    def with_seed(self, seed: int) -> FlightPlan:
+        """The same flight in the weather, and with the true vehicle, of another seed.
+
+        Equal to a plan prepared with that seed; all that does not depend on it is shared.
+
+        Raises:
+            ScenarioError: The seed is no whole number from 0 on.
+        """
+        draw, true = _draw(self.weather, seed, self.t, self.nominal)
+        return replace(self, seed=int(seed), forecast=draw, true=true)
+
     def arm_row(self, k: int) -> int:
         """Row of the arm table that belongs to control period k."""
         return 2 * k * self.simulation.substeps
+
+
+def _draw(weather: Weather, seed: int, t: Array, vehicle: Vehicle) -> tuple[Forecast, Vehicle]:
+    """The weather and the true vehicle of a seed."""
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise ScenarioError("simulate", "seed", f"is {seed!r}", "give a whole number, 0 or more")
+    draw = forecast(weather, int(seed), t)
+    return draw, perturb(vehicle, weather.uncertainty, draw.parameters)
 
 
 def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:

@@ -116,6 +116,26 @@ def simulate(
     return run
 
 
+def fly_under_seeds(plan: FlightPlan, engine: str = "reference") -> Callable[[int], Run]:
+    """A function from a seed to the run of the plan under it.
+
+    What the flights share is prepared once; each run equals that of `simulate` with throw=False.
+
+    Args:
+        plan: The plan of any seed; see `prepare`.
+        engine: As in `simulate`.
+
+    Raises:
+        MissingDependency, SettingsError: As in `simulate`.
+    """
+    if engine == "reference":
+        return lambda seed: _fly(plan.with_seed(seed), None)
+    from fullam.simulation.compiled.batch import Batch  # imports numba, which is optional
+
+    batch = Batch(plan)
+    return lambda seed: batch.fly(seed).run()
+
+
 def _fly(plan: FlightPlan, progress: Progress | None) -> Run:
     flight = Flight(plan)
     total = plan.t.size

@@ -7,6 +7,7 @@ parameters, so two controllers with one seed meet exactly the same weather, howe
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -132,19 +133,38 @@ class Forecast:
     """One draw of the weather, on the control grid of a flight.
 
     Attributes:
+        weather: The statistics.
         pose_noise: [position (world), attitude (tangent at {A})], shape (N, 6) [m, rad].
         disturbance: Wrench on the platform at its origin, world axes, shape (N, 6) [N, N m], held
             over each control period.
-        gyroscope_noise: Shape (N, 3) [rad/s].
-        accelerometer_noise: Shape (N, 3) [m/s^2].
+        inertial: Generator for the noise of the inertial sensors.
         parameters: Generator for the draw of the true vehicle.
     """
 
+    weather: Weather
     pose_noise: Array
     disturbance: Array
-    gyroscope_noise: Array
-    accelerometer_noise: Array
+    inertial: np.random.Generator
     parameters: np.random.Generator
+
+    @property
+    def gyroscope_noise(self) -> Array:
+        """Noise of the gyroscope, shape (N, 3) [rad/s]."""
+        return self._inertial_noise[0]
+
+    @property
+    def accelerometer_noise(self) -> Array:
+        """Noise of the accelerometer, shape (N, 3) [m/s^2]."""
+        return self._inertial_noise[1]
+
+    @cached_property
+    def _inertial_noise(self) -> tuple[Array, Array]:
+        # Few estimators read these sensors, and their noise is half of what there is to draw.
+        shape = (len(self.pose_noise), 3)
+        return (
+            self.inertial.standard_normal(shape) * self.weather.gyroscope_noise,
+            self.inertial.standard_normal(shape) * self.weather.accelerometer_noise,
+        )
 
 
 def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
@@ -157,25 +177,28 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     noise, gusts, inertial, parameters = streams
-    N = t.size
     sigma = np.repeat([weather.position_noise, np.radians(weather.attitude_noise_deg)], 3)
-    pose_noise = noise.standard_normal((N, 6))
+    pose_noise = noise.standard_normal((t.size, 6))
     while (outside := np.abs(pose_noise) > weather.noise_bound).any():
         pose_noise[outside] = noise.standard_normal(int(outside.sum()))
-    # Gust k begins after k intervals. A control period holds its mean over the period, so that
-    # the impulse is the same at every control rate.
-    period = t[1] - t[0] if N > 1 else weather.gust_duration
+    pose_noise *= sigma
+    return Forecast(weather, pose_noise, _gusts(weather, gusts, t), inertial, parameters)
+
+
+def _gusts(weather: Weather, rng: np.random.Generator, t: Array) -> Array:
+    """Disturbance wrenches, shape (N, 6). Gust k begins after k intervals.
+
+    A control period holds a gust's mean over the period, so that the impulse is the same at every
+    control rate.
+    """
+    period = t[1] - t[0] if t.size > 1 else weather.gust_duration
     number = np.floor((t + period - 1e-9) / weather.gust_interval).astype(int)
+    scale = np.repeat([weather.force_disturbance, weather.moment_disturbance], 3)
+    draws = rng.standard_normal((int(number.max(initial=0)) + 1, 6)) * scale
     start = number * weather.gust_interval
     overlap = np.minimum(t + period, start + weather.gust_duration) - np.maximum(t, start)
-    share = np.round(np.clip(overlap / period, 0.0, 1.0), 9) * (number >= 1)
-    scale = np.repeat([weather.force_disturbance, weather.moment_disturbance], 3)
-    draws = gusts.standard_normal((int(number.max(initial=0)) + 1, 6)) * scale
-    disturbance = draws[number] * share[:, None]
-    return Forecast(
-        pose_noise=pose_noise * sigma,
-        disturbance=disturbance,
-        gyroscope_noise=inertial.standard_normal((N, 3)) * weather.gyroscope_noise,
-        accelerometer_noise=inertial.standard_normal((N, 3)) * weather.accelerometer_noise,
-        parameters=parameters,
-    )
+    blowing = np.flatnonzero((overlap > 0.0) & (number >= 1))
+    share = np.round(np.minimum(overlap[blowing] / period, 1.0), 9)
+    disturbance = np.zeros((t.size, 6))
+    disturbance[blowing] = draws[number[blowing]] * share[:, None]
+    return disturbance

@@ -13,7 +13,7 @@ from fullam.analysis.campaign_store import SCHEMA, CampaignStore, read_campaign
 from fullam.analysis.metrics import measure
 from fullam.exceptions import CampaignError, FullamError, UnknownName
 from fullam.simulation.scenario import load_scenario
-from fullam.simulation.simulate import simulate
+from fullam.simulation.simulate import fly_under_seeds, prepare, simulate
 
 SHORT = replace(load_scenario("position-1"), name="short", duration=0.6)
 
@@ -58,33 +58,40 @@ def test_both_contenders_meet_the_same_weather():
     assert np.array_equal(flights[0].disturbance, flights[1].disturbance)
 
 
+def count_flights(monkeypatch):
+    """A list that from now on gets the key of every flight."""
+    counted, fly = [], Campaign.fly
+    monkeypatch.setattr(Campaign, "fly", lambda self, keys: counted.extend(keys) or fly(self, keys))
+    return counted
+
+
 def test_a_stopped_campaign_continues_and_ends_with_the_same_bytes(tmp_path, finished, monkeypatch):
-    monkeypatch.setattr(campaign_module, "BATCH", 3)
+    monkeypatch.setattr(campaign_module, "BATCH", {"reference": 3})
     campaign, out = small(traces=True), tmp_path / "again.parquet"
     flown = []
-    fly = Campaign.fly
+    figures = Campaign._figures
 
-    def stopping(self, key):
+    def stopping(self, fly, seed, vehicle):
         if len(flown) == 7:
             raise KeyboardInterrupt
-        flown.append(key)
-        return fly(self, key)
+        flown.append(seed)
+        return figures(self, fly, seed, vehicle)
 
-    monkeypatch.setattr(Campaign, "fly", stopping)
+    monkeypatch.setattr(Campaign, "_figures", stopping)
     with pytest.raises(KeyboardInterrupt):
         sweep(campaign, out)
     assert not out.exists()
     kept = CampaignStore(out, campaign.identity(), False).keys
-    assert len(kept) == 6  # two whole batches of three
+    assert len(kept) == 5  # two whole batches: three seeds and the other two
     # What a kill in the middle of a write leaves.
     (tmp_path / "again.parquet.parts" / ".half-written.parquet").write_bytes(b"PAR1")
 
-    counted = []
-    monkeypatch.setattr(Campaign, "fly", lambda self, key: counted.append(key) or fly(self, key))
+    monkeypatch.setattr(Campaign, "_figures", figures)
+    counted = count_flights(monkeypatch)
     told = []
     sweep(campaign, out, progress=lambda done, total: told.append((done, total)))
-    assert len(counted) == 4
-    assert told[0] == (6, 10)
+    assert len(counted) == 5
+    assert told[0] == (5, 10)
     assert told[-1] == (10, 10)
     assert out.read_bytes() == finished[0].read_bytes()
 
@@ -93,9 +100,7 @@ def test_a_finished_campaign_is_not_flown_again_but_extended(tmp_path, monkeypat
     out = tmp_path / "sweep.parquet"
     sweep(small(range(2)), out)
     before = out.read_bytes()
-    counted = []
-    fly = Campaign.fly
-    monkeypatch.setattr(Campaign, "fly", lambda self, key: counted.append(key) or fly(self, key))
+    counted = count_flights(monkeypatch)
     sweep(small(range(2)), out)
     assert not counted
     assert out.read_bytes() == before
@@ -113,10 +118,10 @@ def test_a_diverged_and_a_failed_flight_are_rows(tmp_path, monkeypatch):
     assert "deg from the reference" in table.column("reason")[0]
     assert not table.column("settled").any()
 
-    def breaks(*args, **kwargs):
+    def breaks(seed):
         raise FullamError("the allocation found nothing")
 
-    monkeypatch.setattr(campaign_module, "simulate", breaks)
+    monkeypatch.setattr(campaign_module, "fly_under_seeds", lambda plan, engine: breaks)
     table = sweep(small([0]), tmp_path / "b.parquet")
     assert list(table.column("outcome")) == ["failed", "failed"]
     assert np.isnan(table.column("rms_position_mm")).all()
@@ -176,8 +181,37 @@ def test_the_fastest_engine_is_chosen_contender_by_contender(tmp_path):
     campaign = small([0], contenders=("dc-pid", "dc-pid@kalman"), engine="fastest")
     assert campaign.engines == {"dc-pid": "compiled", "dc-pid@kalman": "reference"}
     table = sweep(campaign, tmp_path / "sweep.parquet")
-    slow = sweep(small([0], contenders=("dc-pid", "dc-pid@kalman")), tmp_path / "slow.parquet")
-    # The engines agree to rounding, which feedback keeps from growing.
-    assert np.allclose(
-        table.column("rms_position_mm"), slow.column("rms_position_mm"), rtol=1e-6, atol=0.0
-    )
+    assert table.rows.num_rows == 2
+
+
+def test_both_engines_fly_the_same_table(tmp_path):
+    pytest.importorskip("numba", reason="the extra 'fast' is not installed")
+    short = replace(load_scenario("task-2"), name="short", duration=3.0)
+    tables = [
+        sweep(
+            small(
+                range(3), scenarios=(short,), contenders=("dc-pid", "backstepping"), engine=engine
+            ),
+            tmp_path / f"{engine}.parquet",
+        )
+        for engine in ("reference", "compiled")
+    ]
+    for field in SCHEMA:
+        one, other = (table.column(field.name) for table in tables)
+        if field.type == "double":
+            # Figures of 1 to 1000 mm and deg; feedback keeps rounding from growing.
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9, err_msg=field.name)
+        else:
+            assert list(one) == list(other), field.name
+
+
+@pytest.mark.parametrize("engine", ["reference", "compiled"])
+def test_flights_that_share_a_plan_are_the_single_flights(engine):
+    if engine == "compiled":
+        pytest.importorskip("numba", reason="the extra 'fast' is not installed")
+    fly = fly_under_seeds(prepare(SHORT, seed=7), engine)
+    for seed in (3, 1, 3):
+        run, single = fly(seed), simulate(SHORT, seed=seed, engine=engine)
+        assert run.metadata == single.metadata
+        for name, column in single.columns.items():
+            assert np.array_equal(column, run.columns[name]), name

@@ -29,8 +29,9 @@ from fullam.simulation.simulate import prepare, simulate
 pytest.importorskip("numba", reason="the compiled engine needs the extra 'fast'")
 
 from fullam.simulation.compiled import arrays, batch, engine, entries, jit
+from fullam.simulation.compiled.arrays import arm_of
 from fullam.simulation.compiled.box_qp import CLIP, CYCLES, UNCONFIRMED, UNSETTLED, U
-from fullam.simulation.compiled.dynamics import arm_rows, chain_rows
+from fullam.simulation.compiled.dynamics import chain_rows
 from fullam.simulation.compiled.integrate import POSE, VELOCITY
 from fullam.simulation.compiled.law import INTEGRAL
 from fullam.simulation.compiled.tick import CompiledTick
@@ -65,9 +66,10 @@ def test_accelerations_are_pinocchios_over_200_states_with_perturbed_inertias(na
         wrench = 50.0 * rng.normal(size=6)
         state, out = np.zeros((8, 7)), np.zeros((1, 6))
         state[POSE], state[VELOCITY, :6] = q[:7], v[:6]
+        links = chain_rows(LinkChain.from_model(model))
         entries.accelerate(
-            chain_rows(LinkChain.from_model(model)),
-            arm_rows(q[None, 7:], v[None, 6:], ddtheta[None]),
+            links,
+            arm_of(links, q[None, 7:], v[None, 6:], ddtheta[None]),
             true.gravity,
             state,
             wrench[None],
@@ -279,9 +281,10 @@ def test_a_wrench_that_is_not_finite_is_refused():
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_is_the_single_flights(threads):
+def test_a_batch_is_the_single_flights(threads, monkeypatch):
+    monkeypatch.setattr(batch, "TOGETHER", 2)
     plan = prepare("task-2", seed=99)
-    for flown in batch.fly_seeds(plan, range(4), threads):
+    for flown in batch.fly_seeds(plan, range(5), threads):
         run, single = flown.run(), simulate("task-2", seed=flown.plan.seed, engine="compiled")
         assert run.metadata == single.metadata
         for name, column in single.columns.items():

@@ -18,7 +18,8 @@ from fullam.model.vehicle import Vehicle
 from fullam.simulation.compiled import law as laws
 from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.box_qp import FORCE_ROWS, N_COUNTERS, PRIOR, SOLUTION
-from fullam.simulation.compiled.dynamics import arm_rows, chain_rows
+from fullam.simulation.compiled.dynamics import ARM_WIDTH, chain_rows
+from fullam.simulation.compiled.entries import place
 from fullam.simulation.compiled.integrate import ESTIMATE, POSE, READING, RULES, TOLD, Craft
 from fullam.simulation.compiled.law import Law
 from fullam.simulation.compiled.loop import ESTIMATORS, Draw, Job, Log, Tables
@@ -82,11 +83,12 @@ def links_of(vehicle: Vehicle) -> Array:
     return chain_rows(LinkChain.from_model(vehicle.model))
 
 
-def craft_of(vehicle: Vehicle, links: Array, rule: str, period: float, substeps: int) -> Craft:
-    """A vehicle that flies; `links` is its chain."""
-    rotors = vehicle.rotors
-    decay = np.exp(-np.array([[0.0], [0.5], [1.0]]) * period / np.maximum(rotors.lags, 1e-12))
-    plant = np.array([RULES[rule], period, substeps, vehicle.gravity])
+def craft_of(plan: FlightPlan, links: Array) -> Craft:
+    """The vehicle that flies; `links` is its chain."""
+    s, rotors = plan.simulation, plan.true.rotors
+    spans = -s.plant_period / np.maximum(rotors.lags, 1e-12)
+    decay = np.exp(np.array([[0.0], [0.5], [1.0]]) * spans)
+    plant = np.array([RULES[s.integrator], s.plant_period, s.substeps, plan.true.gravity])
     return Craft(links, own(np.vstack([rotors.coupling_matrix, decay]).T), plant)
 
 
@@ -192,6 +194,16 @@ def start_afresh(allotment: Allotment) -> None:
     allotment.sets[:] = 0
 
 
+def arm_of(links: Array, theta: Array, dtheta: Array, ddtheta: Array) -> Array:
+    """The arm's motion, shape (rows, n, ARM_WIDTH), from angles and rates of shape (rows, n).
+
+    `links` is the chain of any vehicle whose links are as long; see `dynamics.place_arm`.
+    """
+    arm = np.zeros((*theta.shape, ARM_WIDTH))
+    place(links, own(theta), own(dtheta), own(ddtheta), arm)
+    return arm
+
+
 def tables_of(plan: FlightPlan) -> Tables:
     """The tables of a plan."""
     N, reference, ahead = plan.t.size, plan.reference, plan.anticipation
@@ -204,7 +216,7 @@ def tables_of(plan: FlightPlan) -> Tables:
         own(reference.pose),
         own(reference.velocity),
         own(reference.acceleration),
-        arm_rows(plan.arm.theta, plan.arm.dtheta, plan.arm.ddtheta),
+        arm_of(links_of(plan.nominal), plan.arm.theta, plan.arm.dtheta, plan.arm.ddtheta),
         own(rows),
         moving,
     )
@@ -252,7 +264,7 @@ def job_of(plan: FlightPlan) -> Job:
     controller = controller_class(plan.controller)(nominal, plan.settings, s.control_period, axes)
     allocator = Allocator(nominal.rotors, axes=np.array(axes), vehicle_name=nominal.name)
     return Job(
-        craft_of(plan.true, links_of(plan.true), s.integrator, s.plant_period, s.substeps),
+        craft_of(plan, links_of(plan.true)),
         law_of(controller, links_of(nominal)),
         law_memory(),
         allotment_of(allocator),

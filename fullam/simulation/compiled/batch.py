@@ -6,15 +6,15 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import NonFiniteWrench
-from fullam.model.perturbation import perturb
+from fullam.model.chain import LinkChain
 from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.arrays import (
     craft_of,
@@ -22,12 +22,10 @@ from fullam.simulation.compiled.arrays import (
     fresh_allotment,
     job_of,
     law_memory,
-    links_of,
     log_of,
-    rules_of,
     start_afresh,
-    state_at,
 )
+from fullam.simulation.compiled.dynamics import chain_rows, with_bodies, z_frames
 from fullam.simulation.compiled.engine import NAME
 from fullam.simulation.compiled.entries import fly
 from fullam.simulation.compiled.integrate import ASKED
@@ -36,10 +34,12 @@ from fullam.simulation.compiled.loop import DIVERGED, NOT_FINITE, Job
 from fullam.simulation.flight import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.run import Run, allocate_columns
-from fullam.simulation.weather import forecast
+
+TOGETHER = 8
+"""Flights that are prepared at a time."""
 
 AHEAD = 2
-"""Flights a thread may be ahead of the reader: what bounds the memory."""
+"""So many times `TOGETHER` may a thread be ahead of the reader: what bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,64 +66,112 @@ class Flown:
         return finish(self.plan, self.columns, self.rows, "diverged", reason or "", NAME)
 
 
-def with_seed(plan: FlightPlan, seed: int) -> FlightPlan:
-    """The same plan in the weather, and with the true vehicle, of another seed."""
-    draw = forecast(plan.weather, seed, plan.t)
-    true = perturb(plan.nominal, plan.weather.uncertainty, draw.parameters)
-    return replace(plan, seed=seed, forecast=draw, true=true)
+class Batch:
+    """One plan under many seeds.
+
+    A flight equals that of `simulate` with its seed bit for bit. Threads may share a batch: the
+    compiled loop runs without Python's global lock, so they fly side by side.
+    """
+
+    def __init__(self, plan: FlightPlan) -> None:
+        """Prepare what the flights share.
+
+        Args:
+            plan: The plan of any seed.
+
+        Raises:
+            SettingsError: The plan holds something that is not compiled; the message names it.
+            VehicleError: The arm is not one chain of revolute joints.
+        """
+        self.plan = plan
+        self._shared = job_of(plan)
+        chain = LinkChain.from_model(plan.nominal.model)
+        self._links, self._frames = chain_rows(chain), z_frames(chain)
+        self._local = threading.local()
+
+    def fly(self, seed: int) -> Flown:
+        """Fly one seed.
+
+        Raises:
+            NonFiniteWrench: The controller returned NaN or infinity.
+        """
+        return self._fly(*self._prepare(seed))
+
+    def fly_some(self, seeds: Iterable[int]) -> list[Flown]:
+        """Fly a few seeds: all are prepared before the first flies.
+
+        A flight clears the processor's caches of what prepares the next one, which then takes
+        twice as long.
+        """
+        return [self._fly(*prepared) for prepared in [self._prepare(seed) for seed in seeds]]
+
+    def _prepare(self, seed: int) -> tuple[FlightPlan, Job]:
+        """The plan of a seed, and as arrays; the allocation is lent when it flies."""
+        plan = self.plan.with_seed(seed)
+        bodies = plan.true.model.inertias.tolist()[1:]
+        links = with_bodies(
+            self._links,
+            self._frames,
+            np.array([body.mass for body in bodies]),
+            np.array([body.lever for body in bodies]),
+            np.array([body.inertia for body in bodies]),
+        )
+        return plan, self._shared._replace(
+            craft=craft_of(plan, links),
+            memory=law_memory(),
+            draw=draw_of(plan.forecast),
+            state=self._shared.state.copy(),
+            speeds=self._shared.speeds.copy(),
+        )
+
+    def _fly(self, plan: FlightPlan, job: Job) -> Flown:
+        job = job._replace(allotment=self._allotment())
+        total = plan.t.size
+        columns = allocate_columns(total, plan.nominal.n_arm, plan.nominal.rotors.count)
+        with announced("the flight loop", fly):
+            rows, ending = fly(job, log_of(columns), 0, total, total - 1)
+        if ending == NOT_FINITE:
+            raise NonFiniteWrench(np.array(job.state[ASKED, :6]))
+        return Flown(plan, columns, rows, ending == DIVERGED)
+
+    def _allotment(self) -> Allotment:
+        """The allocation of this thread, as before a flight; its maps of active sets stay."""
+        if not hasattr(self._local, "allotment"):
+            shared = self._shared.allotment
+            self._local.allotment = fresh_allotment(shared.box, shared.scales)
+        allotment: Allotment = self._local.allotment
+        start_afresh(allotment)
+        return allotment
 
 
 def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Iterator[Flown]:
     """Fly one plan under many seeds; yields the flights in the order of the seeds.
 
-    Each flight equals that of `simulate` with its seed bit for bit, however many threads there
-    are. The compiled loop runs without Python's global lock, so threads fly side by side.
-
     Args:
         plan: The plan of any seed.
         seeds: The seeds to fly.
-        threads: How many flights at a time.
+        threads: How many flights at a time; the flights are the same however many there are.
 
     Raises:
-        SettingsError: The plan holds something that is not compiled; the message names it.
+        SettingsError, VehicleError: As in `Batch`.
         NonFiniteWrench: The controller returned NaN or infinity.
     """
-    shared, local = job_of(plan), threading.local()
-
-    def one(seed: int) -> Flown:
-        if not hasattr(local, "allotment"):
-            local.allotment = fresh_allotment(shared.allotment.box, shared.allotment.scales)
-        return _fly_one(with_seed(plan, seed), shared, local.allotment)
-
-    remaining = iter(seeds)
-    with announced("the flight loop", fly):
-        yield from map(one, itertools.islice(remaining, 1))
+    batch, remaining = Batch(plan), iter(seeds)
     if threads <= 1:
-        yield from map(one, remaining)
+        while some := list(itertools.islice(remaining, TOGETHER)):
+            yield from batch.fly_some(some)
         return
+    yield from map(batch.fly, itertools.islice(remaining, 1))  # compiles, if it has to be
     with ThreadPoolExecutor(threads) as pool:
-        waiting = deque(pool.submit(one, s) for s in itertools.islice(remaining, AHEAD * threads))
+        waiting: deque[Future[list[Flown]]] = deque()
+
+        def enqueue() -> None:
+            if some := list(itertools.islice(remaining, TOGETHER)):
+                waiting.append(pool.submit(batch.fly_some, some))
+
+        for _ in range(AHEAD * threads):
+            enqueue()
         while waiting:
             flown = waiting.popleft().result()
-            waiting.extend(pool.submit(one, s) for s in itertools.islice(remaining, 1))
-            yield flown
-
-
-def _fly_one(plan: FlightPlan, shared: Job, allotment: Allotment) -> Flown:
-    s, n = plan.simulation, plan.nominal
-    start_afresh(allotment)
-    job = shared._replace(
-        craft=craft_of(plan.true, links_of(plan.true), s.integrator, s.plant_period, s.substeps),
-        memory=law_memory(),
-        allotment=allotment,
-        draw=draw_of(plan.forecast),
-        rules=rules_of(plan),
-        state=state_at(plan.scenario.initial_pose),
-        speeds=shared.speeds.copy(),
-    )
-    total = plan.t.size
-    columns = allocate_columns(total, n.n_arm, n.rotors.count)
-    rows, ending = fly(job, log_of(columns), 0, total, total - 1)
-    if ending == NOT_FINITE:
-        raise NonFiniteWrench(np.array(job.state[ASKED, :6]))
-    return Flown(plan, columns, rows, ending == DIVERGED)
+            enqueue()
+            yield from flown

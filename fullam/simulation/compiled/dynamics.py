@@ -11,6 +11,8 @@ are turned so that every joint turns about its z, as Craig's do.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,30 +37,41 @@ MASS, COM, INERTIA, TURN, OFFSET, WIDTH = 0, 1, 4, 10, 19, 22
 """Columns of a row of `links`: m, centre of mass (3), inertia about it (xx, xy, xz, yy, yz, zz),
 rotation from the link before at angle 0 (9, row by row), and place of the joint on it (3)."""
 
-COS, SIN, RATE, ACCELERATION = 0, 1, 2, 3
-"""Second index of the arm's motion."""
+TURNED, STEP, RATE, ACCELERATION, ARM_WIDTH = 0, 9, 12, 13, 14
+"""Columns of a joint's row of the arm's motion: attitude of its link in {A} (9), way from the joint
+before to this one in {A} axes (3), joint rate and joint acceleration. The way depends on the
+joints before alone, and none of it on masses, so that all who fly the same motion share it."""
+
+UPPER_TRIANGLE = [0, 1, 2, 4, 5, 8]
+"""Entries xx, xy, xz, yy, yz, zz of a matrix written row by row."""
 
 LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def chain_rows(chain: LinkChain) -> Array:
     """The chain as rows, shape (n + 1, WIDTH), link frames turned so that joint axes are z."""
-    rows = np.zeros((chain.n + 1, WIDTH))
-    frames = np.stack([np.eye(3), *(_frame_with_z(axis) for axis in chain.axis)])
+    frames = z_frames(chain)
     back = frames.transpose(0, 2, 1)
-    rows[:, MASS] = chain.mass
-    rows[:, COM : COM + 3] = (back @ chain.com[:, :, None])[:, :, 0]
-    inertia = back @ chain.inertia @ frames
-    rows[:, INERTIA : INERTIA + 6] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    rows = with_bodies(np.zeros((chain.n + 1, WIDTH)), frames, chain.mass, chain.com, chain.inertia)
     rows[0, TURN : TURN + 9] = np.eye(3).ravel()
     rows[1:, TURN : TURN + 9] = (back[:-1] @ chain.placement_R @ frames[1:]).reshape(-1, 9)
     rows[1:, OFFSET : OFFSET + 3] = (back[:-1] @ chain.placement_P[:, :, None])[:, :, 0]
     return rows
 
 
-def arm_rows(theta: Array, dtheta: Array, ddtheta: Array) -> Array:
-    """Joint motion, each argument of shape (rows, n), as one array of shape (rows, 4, n)."""
-    return np.stack([np.cos(theta), np.sin(theta), dtheta, ddtheta], axis=1)
+def z_frames(chain: LinkChain) -> Array:
+    """Rotations from the link frames of `chain_rows` to the chain's own, shape (n + 1, 3, 3)."""
+    return np.stack([np.eye(3), *(_frame_with_z(axis) for axis in chain.axis)])
+
+
+def with_bodies(rows: Array, frames: Array, mass: Array, com: Array, inertia: Array) -> Array:
+    """The same chain of other bodies, given in the chain's own frames; see `LinkChain`."""
+    rows, back = rows.copy(), frames.transpose(0, 2, 1)
+    rows[:, MASS] = mass
+    rows[:, COM : COM + 3] = (back @ com[:, :, None])[:, :, 0]
+    turned = (back @ inertia @ frames).reshape(-1, 9)
+    rows[:, INERTIA : INERTIA + 6] = turned[:, UPPER_TRIANGLE]
+    return rows
 
 
 def _frame_with_z(axis: Array) -> Array:
@@ -72,32 +85,25 @@ def _frame_with_z(axis: Array) -> Array:
 
 
 @compiled
-def sweep_arm(links, arm, row, w, dw, a):
-    """Forward recursion (6)-(11) over links 1..n and the sum of eq. (13), in {A} axes.
+def place_arm(links, angles, rates, accelerations, row, arm):
+    """Write a row of the arm's motion, shape (rows, n, ARM_WIDTH).
 
     Args:
         links: The chain, shape (n + 1, WIDTH).
-        arm: The arm's motion, shape (rows, 4, n); see `arm_rows`.
-        row: Which of its rows.
-        w: Angular velocity of {A}.
-        dw: Its derivative.
-        a: ddp_A - g, the classical acceleration of the origin of {A} less gravity.
-
-    Returns:
-        f_1 and tau_1 + (p_1 - p_A) x f_1: the wrench on the arm at the origin of {A}; and the
-        arm's first moment sum m c and its inertia about the origin, as in `symmetric`.
+        angles: Joint angles, shape (rows, n).
+        rates: Joint rates, shape (rows, n).
+        accelerations: Joint accelerations, shape (rows, n).
+        row: Which of their rows.
+        arm: Where it goes.
     """
-    R, p = LEVEL, (0.0, 0.0, 0.0)
-    force = moment = first = p
-    Jxx = Jxy = Jxz = Jyy = Jyz = Jzz = 0.0
+    R = LEVEL
     for i in range(1, links.shape[0]):
         r = turn(R, three(links, i, OFFSET))
-        a = add(a, add(cross(dw, r), cross(w, cross(w, r))))
-        p = add(p, r)
+        arm[row, i - 1, STEP], arm[row, i - 1, STEP + 1], arm[row, i - 1, STEP + 2] = r
         x = turn(R, (links[i, TURN], links[i, TURN + 3], links[i, TURN + 6]))
         y = turn(R, (links[i, TURN + 1], links[i, TURN + 4], links[i, TURN + 7]))
         z = turn(R, (links[i, TURN + 2], links[i, TURN + 5], links[i, TURN + 8]))
-        c, s = arm[row, COS, i - 1], arm[row, SIN, i - 1]
+        c, s = math.cos(angles[row, i - 1]), math.sin(angles[row, i - 1])
         R = (
             c * x[0] + s * y[0],
             c * y[0] - s * x[0],
@@ -109,8 +115,54 @@ def sweep_arm(links, arm, row, w, dw, a):
             c * y[2] - s * x[2],
             z[2],
         )
-        rate = arm[row, RATE, i - 1]
-        dw = add(dw, add(scale(rate, cross(w, z)), scale(arm[row, ACCELERATION, i - 1], z)))
+        for k in range(9):
+            arm[row, i - 1, TURNED + k] = R[k]
+        arm[row, i - 1, RATE] = rates[row, i - 1]
+        arm[row, i - 1, ACCELERATION] = accelerations[row, i - 1]
+
+
+@compiled
+def attitude(arm, row, i):
+    """Attitude of link i + 1 in {A}."""
+    return (
+        arm[row, i, 0],
+        arm[row, i, 1],
+        arm[row, i, 2],
+        arm[row, i, 3],
+        arm[row, i, 4],
+        arm[row, i, 5],
+        arm[row, i, 6],
+        arm[row, i, 7],
+        arm[row, i, 8],
+    )
+
+
+@compiled
+def sweep_arm(links, arm, row, w, dw, a):
+    """Forward recursion (6)-(11) over links 1..n and the sum of eq. (13), in {A} axes.
+
+    Args:
+        links: The chain, shape (n + 1, WIDTH).
+        arm: The arm's motion, shape (rows, n, ARM_WIDTH); see `place_arm`.
+        row: Which of its rows.
+        w: Angular velocity of {A}.
+        dw: Its derivative.
+        a: ddp_A - g, the classical acceleration of the origin of {A} less gravity.
+
+    Returns:
+        f_1 and tau_1 + (p_1 - p_A) x f_1: the wrench on the arm at the origin of {A}; and the
+        arm's first moment sum m c and its inertia about the origin, as in `symmetric`.
+    """
+    force = moment = first = p = (0.0, 0.0, 0.0)
+    Jxx = Jxy = Jxz = Jyy = Jyz = Jzz = 0.0
+    for i in range(1, links.shape[0]):
+        r = (arm[row, i - 1, STEP], arm[row, i - 1, STEP + 1], arm[row, i - 1, STEP + 2])
+        a = add(a, add(cross(dw, r), cross(w, cross(w, r))))
+        p = add(p, r)
+        R = attitude(arm, row, i - 1)
+        z = (R[2], R[5], R[8])
+        rate = arm[row, i - 1, RATE]
+        dw = add(dw, add(scale(rate, cross(w, z)), scale(arm[row, i - 1, ACCELERATION], z)))
         w = along(w, rate, z)
         m, lever = links[i, MASS], turn(R, three(links, i, COM))
         f = scale(m, add(a, add(cross(dw, lever), cross(w, cross(w, lever)))))
@@ -228,7 +280,7 @@ def platform_acceleration(links, arm, row, w, g, force, moment):
 
     Args:
         links: The chain, shape (n + 1, WIDTH).
-        arm: The arm's motion, shape (rows, 4, n).
+        arm: The arm's motion, shape (rows, n, ARM_WIDTH).
         row: Which of its rows.
         w: Angular velocity.
         g: Gravity.

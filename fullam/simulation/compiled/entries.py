@@ -12,14 +12,7 @@ from typing import Any
 from fullam.simulation.compiled import loop
 from fullam.simulation.compiled.allocation import achieved, allocate, exact
 from fullam.simulation.compiled.box_qp import MAX_SPEED, WANTED, U
-from fullam.simulation.compiled.dynamics import (
-    ACCELERATION,
-    COS,
-    RATE,
-    SIN,
-    composite,
-    platform_acceleration,
-)
+from fullam.simulation.compiled.dynamics import composite, place_arm, platform_acceleration
 from fullam.simulation.compiled.integrate import (
     COMMANDS,
     POSE,
@@ -70,6 +63,7 @@ def _build(digest: str) -> tuple[Any, ...]:
         state,
         speeds,
         reference,
+        joints,
         arm,
         inputs,
     ):
@@ -91,9 +85,10 @@ def _build(digest: str) -> tuple[Any, ...]:
             reference[1, i] = inputs[20 + 3 * n + i]
             reference[2, i] = inputs[26 + 3 * n + i]
         for i in range(n):
-            arm[0, COS, i], arm[0, SIN, i] = math.cos(inputs[7 + i]), math.sin(inputs[7 + i])
-            arm[0, RATE, i] = inputs[13 + n + i]
-            arm[0, ACCELERATION, i] = inputs[13 + 2 * n + i]
+            joints[0, i] = inputs[7 + i]
+            joints[1, i] = inputs[13 + n + i]
+            joints[2, i] = inputs[13 + 2 * n + i]
+        place_arm(links, joints, joints[1:], joints[2:], 0, arm)
         R = loop.command(
             numbers, links, memory, state, reference, reference[1:], reference[2:], 0, arm, 0
         )
@@ -114,6 +109,13 @@ def _build(digest: str) -> tuple[Any, ...]:
         for i in range(box.shape[0]):
             speeds[COMMANDS, i] = box[i, MAX_SPEED] * math.sqrt(unknowns[U, i])
         return OUT_OF_REACH if saturated else IN_REACH
+
+    @entry
+    def place(links, angles, rates, accelerations, arm):
+        """See `dynamics.place_arm`; all rows."""
+        version = digest  # noqa: F841
+        for row in range(angles.shape[0]):
+            place_arm(links, angles, rates, accelerations, row, arm)
 
     @entry
     def step(links, rotors, plant, arm, row, state, speeds, gusts):
@@ -141,7 +143,7 @@ def _build(digest: str) -> tuple[Any, ...]:
         write(sixes, WANTED, 3, three(wrench, 0, 3))
         return allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
 
-    return fly, tick, step, accelerate, allot
+    return fly, tick, place, step, accelerate, allot
 
 
-fly, tick, step, accelerate, allot = _build(sources())
+fly, tick, place, step, accelerate, allot = _build(sources())

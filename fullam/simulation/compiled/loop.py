@@ -91,7 +91,7 @@ class Tables(NamedTuple):
         target: Reference pose that the controller is fed, shape (N, 7).
         rate: Reference velocity, world axes, shape (N, 6).
         feedforward: Reference acceleration, world axes, shape (N, 6).
-        arm: The arm's motion on the half-step grid, shape (rows, 4, n).
+        arm: The arm's motion on the half-step grid, shape (rows, n, ARM_WIDTH).
         ahead: The `Anticipation`: pose, velocity and turn side by side, shape (N, 18).
         moving: Whether its row differs from zero, shape (N,).
     """

@@ -19,6 +19,7 @@ from fullam.simulation.compiled.arrays import (
     start_afresh,
 )
 from fullam.simulation.compiled.box_qp import U
+from fullam.simulation.compiled.dynamics import ARM_WIDTH
 from fullam.simulation.compiled.entries import NOT_FINITE, OUT_OF_REACH
 from fullam.simulation.compiled.entries import allot as allot_compiled
 from fullam.simulation.compiled.entries import tick as tick_compiled
@@ -55,7 +56,7 @@ class CompiledTick:
         self._state[TOLD, 6] = 1.0
         self._commands: Array = self._speeds[COMMANDS]
         self.wrench_A: Array = self._state[ASKED, :6]
-        reference, arm = np.zeros((3, 7)), np.zeros((1, 4, vehicle.n_arm))
+        reference, joints = np.zeros((3, 7)), np.zeros((3, vehicle.n_arm))
         self._inputs = np.concatenate(
             [
                 vehicle.neutral(),
@@ -71,7 +72,8 @@ class CompiledTick:
             self._state,
             self._speeds,
             reference,
-            arm,
+            joints,
+            np.zeros((1, vehicle.n_arm, ARM_WIDTH)),
             self._inputs,
         )
         with announced("the controller", tick_compiled):
