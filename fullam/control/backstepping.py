@@ -37,13 +37,14 @@ which is exact as well: no small angles are assumed, and nothing is differentiat
 
 **Gains.** Written out, a = reference acceleration + (C1 + C2) de + (1 + L + C1 C2) e + C2 L s, a
 PID near the target. The defaults (C1, C2, L) = (2, 4, 0.75) and (4, 6, 2.5) make it (9.75, 3, 6)
-in position and (27.5, 15, 10) in attitude: the gains of dc-PID, so that the two laws differ in the
-model they cancel and not in their stiffness. L = 0 is the form without integral action.
+in position, dc-PID's gains but for rounding, and (27.5, 15, 10) in attitude, where dc-PID has
+(40, 20, 11): with that much damping this form cannot be as stiff. L = 0 is the form without
+integral action.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import cos, sin, sqrt
 
 import numpy as np
@@ -57,9 +58,8 @@ from fullam.control.controller import (
     ReferencePoint,
     register,
 )
-from fullam.control.pid import finite_triple
+from fullam.control.tracking import TrackingSettings
 from fullam.dynamics.pose_space import AttitudeView, pose_model
-from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -70,52 +70,25 @@ form loses digits to cancellation."""
 
 
 @dataclass(frozen=True)
-class BacksteppingSettings:
+class BacksteppingSettings(TrackingSettings):
     """Gains and limits; see the module's text.
 
     Attributes:
         position_gains: C1 [1/s], C2 [1/s], L [1/s^2] of the three positions.
         attitude_gains: The same for the axis-angle error.
         integral_limits: Largest L s, linear [m/s] and angular [rad/s].
-        anti_windup: Rate at which undelivered acceleration drains the integral [1/s].
-        max_acceleration: A jump of the reference position is spread over the minimum-jerk profile
-            whose peak acceleration is this [m/s^2]; None leaves jumps as they are.
-        max_angular_acceleration: The same for the attitude [rad/s^2].
-        anticipate: Take the known lags (of the estimator, of the rotors) off the commanded motion.
     """
 
     position_gains: tuple[float, float, float] = (2.0, 4.0, 0.75)
     attitude_gains: tuple[float, float, float] = (4.0, 6.0, 2.5)
     integral_limits: tuple[float, float] = (1.0, 3.5)
-    anti_windup: float = 5.0
-    max_acceleration: float | None = 2.6
-    max_angular_acceleration: float | None = 8.0
-    anticipate: bool = True
 
     def __post_init__(self) -> None:
-        """Check every number; lists (from JSON or TOML) become tuples."""
-        name = type(self).__name__
+        """Check that C1 and C2 are positive, and what every law has."""
+        super().__post_init__()
         for field in ("position_gains", "attitude_gains"):
-            gains = finite_triple(name, field, getattr(self, field))
-            if not (gains[0] > 0.0 and gains[1] > 0.0):
-                raise SettingsError(name, field, f"is {gains!r}", "C1 and C2 must be above 0")
-            object.__setattr__(self, field, gains)
-        limits = np.asarray(self.integral_limits, dtype=float)
-        if limits.shape != (2,) or not np.all(limits >= 0.0):
-            raise SettingsError(
-                name, "integral_limits", f"is {self.integral_limits!r}", "give two numbers >= 0"
-            )
-        object.__setattr__(self, "integral_limits", (float(limits[0]), float(limits[1])))
-        for field in ("max_acceleration", "max_angular_acceleration"):
-            value = getattr(self, field)
-            if value is not None and not 0.0 < value < np.inf:
-                raise SettingsError(name, field, f"is {value!r}", "give a number > 0, or None")
-        if not 0.0 <= self.anti_windup < np.inf:
-            raise SettingsError(name, "anti_windup", f"is {self.anti_windup!r}", "give a rate >= 0")
-
-    def to_dict(self) -> dict[str, object]:
-        """The settings as JSON values."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+            if min(getattr(self, field)[:2]) <= 0.0:
+                raise self._wrong(field, "C1 and C2 must be above 0")
 
 
 class CompositeBody:
@@ -153,7 +126,10 @@ class CompositeBody:
 
 @register("backstepping")
 class Backstepping(Controller):
-    """The law of this module's text; `u_pid` is a, `u_dc` what (B1) has besides inertia times a."""
+    """Backstepping on platform and arm as one rigid body, whose shape follows the arm.
+
+    `u_pid` is a, and `u_dc` what (B1) has besides inertia times a.
+    """
 
     Settings = BacksteppingSettings
     settings: BacksteppingSettings

@@ -44,7 +44,7 @@ class ComputedWrenchSettings(PidSettings):
 
 @register("computed-wrench")
 class ComputedWrench(PidBase):
-    """The law of this module's text."""
+    """Inverse dynamics of the whole vehicle and PD on the pose: the ideal bound."""
 
     Settings = ComputedWrenchSettings
     settings: ComputedWrenchSettings

@@ -23,7 +23,6 @@ from fullam.control.controller import (
 from fullam.control.pid import PidBase, PidSettings
 from fullam.dynamics.multibody import Multibody
 from fullam.dynamics.paper_model import PaperModel
-from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -55,17 +54,10 @@ class DcPidSettings(PidSettings):
         """Check the choices, then the PID's own settings."""
         super().__post_init__()
         if not (isinstance(self.rounds, int) and self.rounds >= 1):
-            raise SettingsError(
-                "DcPidSettings", "rounds", f"is {self.rounds!r}", "give a whole number, 1 or more"
-            )
+            raise self._wrong("rounds", "give a whole number, 1 or more")
         for field, known in (("compensation", COMPENSATIONS), ("model", MODELS)):
             if getattr(self, field) not in known:
-                raise SettingsError(
-                    "DcPidSettings",
-                    field,
-                    f"is {getattr(self, field)!r}",
-                    f"give one of {', '.join(known)}",
-                )
+                raise self._wrong(field, f"give one of {', '.join(known)}")
 
 
 class JointOneCompensation:
@@ -131,7 +123,7 @@ class JointOneCompensation:
 
 @register("dc-pid")
 class DcPid(PidBase):
-    """The paper's dc-PID, eq. (26); see the module's text and `DcPidSettings`."""
+    """The paper's dc-PID, eq. (26): PID and the arm's wrench fed forward."""
 
     Settings = DcPidSettings
     settings: DcPidSettings

@@ -40,7 +40,6 @@ from fullam.control.controller import (
 )
 from fullam.control.dc_pid import DcPid, DcPidSettings
 from fullam.control.wrench_observer import WrenchObserver
-from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -71,26 +70,26 @@ class DcPidPlusSettings(DcPidSettings):
     def __post_init__(self) -> None:
         """Check the observer's numbers, then dc-PID's."""
         super().__post_init__()
-        name = type(self).__name__
         for field in ("observer_rates", "roughness_limits"):
-            pair = np.asarray(getattr(self, field), dtype=float)
-            if pair.shape != (2,) or not np.all(np.isfinite(pair)) or np.any(pair < 0.0):
-                raise SettingsError(
-                    name, field, f"is {getattr(self, field)!r}", "give two finite numbers >= 0"
-                )
-            object.__setattr__(self, field, (float(pair[0]), float(pair[1])))
-        lag = self.actuation_lag
-        if lag is not None and not 0.0 <= lag < np.inf:
-            raise SettingsError(name, "actuation_lag", f"is {lag!r}", "give a time >= 0, or None")
+            self._become(field, 2)
+        if self.actuation_lag is not None and not 0.0 <= self.actuation_lag < np.inf:
+            raise self._wrong("actuation_lag", "give a time >= 0, or None")
         if not 1.0 <= self.actuation_speedup < np.inf:
-            raise SettingsError(
-                name, "actuation_speedup", f"is {self.actuation_speedup!r}", "give 1 or more"
-            )
+            raise self._wrong("actuation_speedup", "give 1 or more")
+
+    def wrench_lag(self, vehicle: Vehicle) -> float:
+        """Time constant with which the wrench follows its command [s]."""
+        lag = self.actuation_lag
+        return float(vehicle.rotors.lags.mean()) if lag is None else lag
+
+    def thrust_lag(self, vehicle: Vehicle) -> float:
+        """The same as the lead makes it appear; see `TrackingSettings.thrust_lag`."""
+        return self.wrench_lag(vehicle) / self.actuation_speedup
 
 
 @register("dc-pid-plus")
 class DcPidPlus(DcPid):
-    """The law of this module's text; see `DcPidPlusSettings`.
+    """dc-PID with a wrench observer in place of integral action, and a lead on the rotors.
 
     Attributes:
         observer: The observer; its `wrench` is d.
@@ -108,15 +107,12 @@ class DcPidPlus(DcPid):
     ) -> None:
         """Bind the law; see `Controller`."""
         super().__init__(vehicle, settings, period, axes)
-        lag = self.settings.actuation_lag
-        if lag is None:
-            lag = float(vehicle.rotors.lags.mean())
+        lag, led = self.settings.wrench_lag(vehicle), self.settings.thrust_lag(vehicle)
         self.observer = WrenchObserver(vehicle, period, self.settings.observer_rates, lag)
         self._caution = Caution(period, self.settings.roughness_limits)
         self._gains = self.law.gains.copy()
         self._mask = np.asarray(self.axes, dtype=float)
         self._lead: Array = np.zeros(6)
-        led = lag / self.settings.actuation_speedup
         self._turn_ahead = led + 0.5 * period if self.settings.anticipate else 0.0
         self._w_ref: Array = np.zeros(3)
         self._beside: Array = np.zeros(6)

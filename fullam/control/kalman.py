@@ -120,7 +120,7 @@ class InertialPose:
 
 @register_estimator("kalman")
 class Kalman(Estimator):
-    """The filter of this module's text; it needs the sensors' `Datasheet`.
+    """Error-state Kalman filter: gyroscope, accelerometer and pose, by their `Datasheet`.
 
     A delayed pose is met at its own time: the filter runs as far behind as the poses are old, and
     the inertial readings since then carry its estimate to the present, where it has no lag.

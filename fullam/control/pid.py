@@ -6,7 +6,7 @@ axis-angle theta_e v_e of eqs. (17)-(18), because R log(R^T R_d) = log(R_d R^T).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -20,27 +20,15 @@ from fullam.control.controller import (
     ReferencePoint,
     register,
 )
+from fullam.control.tracking import TrackingSettings
 from fullam.dynamics.pose_space import AttitudeView, pose_model
-from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 
-def finite_triple(where: str, field: str, value: object) -> tuple[float, float, float]:
-    """Three finite numbers, none negative, as floats.
-
-    Raises:
-        SettingsError: It is something else.
-    """
-    array = np.asarray(value, dtype=float)
-    if array.shape != (3,) or not np.all(np.isfinite(array)) or np.any(array < 0):
-        raise SettingsError(where, field, f"is {value!r}", "give three finite numbers, none < 0")
-    return (float(array[0]), float(array[1]), float(array[2]))
-
-
 @dataclass(frozen=True)
-class PidSettings:
+class PidSettings(TrackingSettings):
     """Gains and limits of a PID on the pose.
 
     The gains are accelerations per error, so that one set serves vehicles of any mass. The
@@ -50,57 +38,24 @@ class PidSettings:
     Attributes:
         position_gains: Kp [1/s^2], Ki [1/s^3], Kd [1/s] of the three positions.
         attitude_gains: The same for the axis-angle error.
-        anti_windup: Rate at which undelivered acceleration drains the integrators [1/s].
         integral_limits: Largest integrator output, linear [m/s^2] and angular [rad/s^2].
         wrench_bounds: Symmetric bounds on the commanded wrench, except that the vertical force is
             kept in [0, bound]; six numbers [N, N m], world axes, or None for no bound.
-        max_acceleration: A jump of the reference position is spread over the minimum-jerk profile
-            whose peak acceleration is this [m/s^2]; None leaves jumps as they are.
-        max_angular_acceleration: The same for the attitude [rad/s^2].
-        anticipate: Take the known lags (of the estimator, of the rotors) off the commanded motion,
-            so that they are no error; False flies as the published runs did. Jumps that are left
-            in (no limit on the acceleration) are not anticipated.
     """
 
     position_gains: tuple[float, float, float] = (9.6, 3.0, 6.0)
     attitude_gains: tuple[float, float, float] = (40.0, 20.0, 11.0)
-    anti_windup: float = 5.0
     integral_limits: tuple[float, float] = (4.0, 20.0)
     wrench_bounds: tuple[float, float, float, float, float, float] | None = None
-    max_acceleration: float | None = 2.6
-    max_angular_acceleration: float | None = 8.0
-    anticipate: bool = True
 
     def __post_init__(self) -> None:
-        """Check every number; lists (from JSON or TOML) become tuples."""
-        name = type(self).__name__
-        for field in ("position_gains", "attitude_gains"):
-            object.__setattr__(self, field, finite_triple(name, field, getattr(self, field)))
-        limits = np.asarray(self.integral_limits, dtype=float)
-        if limits.shape != (2,) or not np.all(limits >= 0.0):
-            raise SettingsError(
-                name, "integral_limits", f"is {self.integral_limits!r}", "give two numbers >= 0"
-            )
-        object.__setattr__(self, "integral_limits", tuple(float(x) for x in limits))
+        """Check the bounds, then what every law has."""
+        super().__post_init__()
         if self.wrench_bounds is not None:
             bounds = np.asarray(self.wrench_bounds, dtype=float)
             if bounds.shape != (6,) or not np.all(bounds > 0.0):
-                raise SettingsError(
-                    name, "wrench_bounds", f"is {self.wrench_bounds!r}", "give six numbers > 0"
-                )
-            object.__setattr__(self, "wrench_bounds", tuple(float(x) for x in bounds))
-        for field in ("max_acceleration", "max_angular_acceleration"):
-            value = getattr(self, field)
-            if value is not None and not 0.0 < value < np.inf:
-                raise SettingsError(name, field, f"is {value!r}", "give a number > 0, or None")
-        if not isinstance(self.anticipate, bool):
-            raise SettingsError(name, "anticipate", f"is {self.anticipate!r}", "give true or false")
-        if not 0.0 <= self.anti_windup < np.inf:
-            raise SettingsError(name, "anti_windup", f"is {self.anti_windup!r}", "give a rate >= 0")
-
-    def to_dict(self) -> dict[str, object]:
-        """The settings as JSON values."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+                raise self._wrong("wrench_bounds", "give six numbers > 0")
+            object.__setattr__(self, "wrench_bounds", tuple(bounds.tolist()))
 
 
 class PidLaw:

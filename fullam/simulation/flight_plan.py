@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.estimator import Datasheet, Estimator, estimator_class
+from fullam.control.tracking import TrackingSettings
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
@@ -101,12 +102,11 @@ class FlightPlan:
         half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
         arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
-        reference = blend_jumps(
-            asked,
-            scenario.initial_pose,
-            getattr(settings, "max_acceleration", None),
-            getattr(settings, "max_angular_acceleration", None),
-        )
+        tracking = settings if isinstance(settings, TrackingSettings) else None
+        reference = asked
+        if tracking is not None:
+            linear, angular = tracking.max_acceleration, tracking.max_angular_acceleration
+            reference = blend_jumps(asked, scenario.initial_pose, linear, angular)
         gap = float(np.linalg.norm(reference.pose[0, :3] - scenario.initial_pose[:3]))
         if gap > simulation.max_position_error:
             raise ScenarioError(
@@ -116,11 +116,8 @@ class FlightPlan:
                 "raise max_position_error, or let the controller blend (max_acceleration)",
             )
         anticipation = None
-        blended = asked is not reference
-        if getattr(settings, "anticipate", False) and blended:
-            # A law may lead the rotors, which then seem quicker to it.
-            speedup = getattr(settings, "actuation_speedup", 1.0)
-            lag = float(vehicle.rotors.lags.mean()) / speedup + 0.5 * period
+        if tracking is not None and tracking.anticipate and reference is not asked:
+            lag = tracking.thrust_lag(vehicle) + 0.5 * period
             anticipation = Anticipation.of(
                 reference, make_estimator(simulation, weather, vehicle.gravity), lag
             )
