@@ -9,9 +9,9 @@ import numpy as np
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Measurement, ReferencePoint, make_controller
 from fullam.control.tick import ControlTick
-from fullam.control.wrench_axes import controllable_axes
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.model.wrench_axes import controllable_axes
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan

@@ -11,10 +11,10 @@ from scipy.optimize import linprog
 
 from fullam.control.allocation import Allocator
 from fullam.control.box_qp import BoxLeastSquares
-from fullam.control.wrench_axes import AXES, RANK_TOLERANCE, controllable_axes, full_scale
 from fullam.exceptions import FullamError, VehicleError
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
+from fullam.model.wrench_axes import AXES, RANK_TOLERANCE, controllable_axes, full_scale
 
 Array = NDArray[np.float64]
 

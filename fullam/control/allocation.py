@@ -26,18 +26,17 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.control.box_qp import BoxLeastSquares
-from fullam.control.moment_about import MomentAbout
-from fullam.control.proxqp_referee import ProxQPReferee
-from fullam.control.wrench_axes import (
-    full_scale,
+from fullam.control.allocation_request import (
     read_axes,
     read_preferred_speeds,
     read_weights,
-    require_rank,
 )
+from fullam.control.box_qp import BoxLeastSquares
+from fullam.control.moment_about import MomentAbout
+from fullam.control.proxqp_referee import ProxQPReferee
 from fullam.exceptions import AllocationFailed, NonFiniteWrench, SettingsError
 from fullam.model.rotors import Rotors
+from fullam.model.wrench_axes import full_scale, require_rank
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -215,7 +214,7 @@ class Allocator:
         Args:
             rotors: The rotors; one with max_speed 0 has failed and stands still.
             weights: Six positive numbers, relative to `full_scale`; only their ratios count.
-                Default `wrench_axes.DEFAULT_WEIGHTS`: moment before force.
+                Default `allocation_request.DEFAULT_WEIGHTS`: moment before force.
             axes: Controlled axes, six bools; the others get weight 0. Default all.
             regularization: eps, for weights whose least is 1.
             preferred_speeds: Where the regulariser pulls, shape (n,) [rad/s]. Default 0: the least

@@ -12,21 +12,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.exceptions import NotFullyActuated, VehicleError
+from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.physics import check_links, check_total_mass, parse_urdf
 from fullam.model.rotors import COLUMNS, Rotors
+from fullam.model.wrench_axes import rank_on, require_rank
 
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """Gravity when the definition states none [m/s^2]."""
-
-RANK_TOLERANCE = 1e-4
-"""Singular values below this share of the largest count as zero.
-
-Angles in URDFs carry about five digits (1.5708), so parallel rotors come out parallel to 1e-5
-only; and an axis reached with a ten-thousandth of the authority of another cannot be flown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,9 +201,7 @@ class Vehicle:
         Args:
             axes: Mask or indices of the six axes, force then moment; all by default.
         """
-        rows = slice(None) if axes is None else np.asarray(axes)
-        singular = np.linalg.svd(self.rotors.normalized_coupling[rows], compute_uv=False)
-        return int(np.sum(singular > RANK_TOLERANCE * max(singular[0], np.finfo(float).tiny)))
+        return rank_on(self.rotors, axes)
 
     def require_full_actuation(self, axes: ArrayLike | None = None) -> None:
         """Refuse to control axes that the rotors cannot produce independently.
@@ -219,15 +212,7 @@ class Vehicle:
         Raises:
             NotFullyActuated: If the rank of (34) on them is below their number.
         """
-        asked = len(np.arange(6)[slice(None) if axes is None else np.asarray(axes)])
-        rank = self.actuation_rank(axes)
-        if rank < asked:
-            raise NotFullyActuated(
-                self.name,
-                rank,
-                asked,
-                "tilt the rotors, or control fewer axes (parallel rotors: z, and the moments)",
-            )
+        require_rank(self.rotors, axes, self.name)
 
     def __repr__(self) -> str:
         """Name, sizes and mass."""

@@ -12,7 +12,6 @@ from scipy.optimize import lsq_linear
 from fullam.control import proxqp_referee
 from fullam.control.allocation import Allocation, Allocator, Counters
 from fullam.control.box_qp import BoxLeastSquares
-from fullam.control.wrench_axes import AXES, controllable_axes, full_scale, rank_on
 from fullam.exceptions import (
     AllocationFailed,
     NonFiniteWrench,
@@ -20,6 +19,7 @@ from fullam.exceptions import (
     SettingsError,
 )
 from fullam.model.rotors import Rotors
+from fullam.model.wrench_axes import AXES, controllable_axes, full_scale, rank_on
 
 WRENCH_TOLERANCE = 1e-6
 """Share of full scale: what the regulariser (1e-8 over the weakest axis) may leave."""

@@ -16,12 +16,12 @@ import fullam
 from fullam.control.controller import Measurement, ReferencePoint, controller_class, make_settings
 from fullam.control.pid import Pid
 from fullam.control.tick import ControlTick
-from fullam.control.wrench_axes import controllable_axes
 from fullam.dynamics.multibody import Multibody
 from fullam.exceptions import Diverged, MissingDependency, NonFiniteWrench, SettingsError
 from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
 from fullam.model.perturbation import Uncertainty, perturb
+from fullam.model.wrench_axes import controllable_axes
 from fullam.simulation.flight import Flight
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare, simulate

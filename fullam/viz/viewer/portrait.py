@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fullam.analysis.capability import Support, gravity_wrench
 from fullam.control.allocation import Allocator
-from fullam.control.wrench_axes import controllable_axes
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.model.vehicle import Vehicle
+from fullam.model.wrench_axes import controllable_axes
 from fullam.viz.viewer.replay import Film
 from fullam.viz.viewer.scene import Scene, Snapshot, VehicleScene
 
