@@ -1,4 +1,4 @@
-# Two commands: `make run` flies, `make test` checks. Each makes its own environment in .venv.
+# `make run` flies, `make test` checks, `make bench` times. Each makes what it needs in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,7 +14,7 @@ test: $(VENV)/test.stamp
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q
 
-bench: $(VENV)/test.stamp
+bench: $(VENV)/bench.stamp
 	$(BIN)/python -m pytest -q benchmarks
 
 $(BIN)/python:
@@ -26,6 +26,10 @@ $(VENV)/run.stamp: $(BIN)/python pyproject.toml
 
 $(VENV)/test.stamp: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@
+
+$(VENV)/bench.stamp: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable '.[test,bench]'
 	touch $@
 
 clean:

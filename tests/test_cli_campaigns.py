@@ -30,6 +30,7 @@ def test_a_sweep_in_json_is_json_alone(tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data["flights"] == 2
     assert data["summary"][0]["median"]["rms_position_mm"] > 0.0
+    assert set(data["engines"].values()) == {"reference"}
 
 
 def test_no_gusts_means_no_gusts(tmp_path):

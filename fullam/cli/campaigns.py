@@ -21,7 +21,6 @@ JOBS = argument("--jobs", type=int, default=1, metavar="N", help="worker process
 SCHEDULER = argument(
     "--scheduler", metavar="ADDRESS", help="a running dask scheduler, instead of a local cluster"
 )
-ENGINE = argument("--engine", default="reference", metavar="NAME", help="engine that flies")
 ANY_ENGINE = argument(
     "--engine", default="fastest", metavar="NAME", help="default: the fastest that covers a flight"
 )
@@ -159,10 +158,13 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
             ]
             lines.append([*where, *cells])
     if arguments.json:
-        say_json({"out": str(arguments.out), "flights": len(rows), "summary": data})
+        flown = {"out": str(arguments.out), "flights": len(rows), "engines": campaign.engines}
+        say_json(flown | {"summary": data})
         return
     say(table(lines, ["scenario", "controller", *(text for text, *_ in SUMMARY)], left=2))
     say(f"\nmedians over {arguments.runs} seeds; {len(rows)} rows in {arguments.out}")
+    flown = ", ".join(f"{label}: {engine}" for label, engine in campaign.engines.items())
+    say(f"engine of {flown}")
 
 
 @verb(
@@ -172,7 +174,7 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
     argument("--seed", type=int, default=0, metavar="N", help="seed of the optimiser (default: 0)"),
     argument("--out", type=settings_path, metavar="FILE", help="keep the best so far (.toml)"),
     JOBS,
-    ENGINE,
+    options.ENGINE,
 )
 def tune(arguments: argparse.Namespace) -> int:
     """Tune a controller's gains, by the same procedure and budget for every controller.

@@ -64,6 +64,7 @@ SETTINGS = argument(
     argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
     SETTINGS,
     *options.FLIGHT,
+    options.ENGINE,
     argument("--out", type=options.run_path, metavar="FILE", help="save the record (.npz)"),
     options.FIGURE,
     options.JSON,
@@ -104,6 +105,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
         help="separated by commas (default: dc-pid,pid)",
     ),
     *options.FLIGHT,
+    options.ENGINE,
     options.FIGURE,
     options.JSON,
 )
@@ -149,6 +151,7 @@ def fly(
             arguments.scenario,
             controller,
             settings=settings,
+            engine=arguments.engine,
             progress=show,
             throw=False,
             **keywords,
@@ -169,7 +172,7 @@ def identity(run: Run) -> dict[str, Any]:
     return {
         "scenario": metadata["scenario"]["name"],
         "vehicle": metadata["vehicle"]["definition"]["name"],
-        **{name: metadata[name] for name in ("controller", "settings", "seed")},
+        **{name: metadata[name] for name in ("controller", "settings", "seed", "engine")},
         **{name: metadata[name] for name in ("weather", "simulation", "outcome", "reason")},
     }
 

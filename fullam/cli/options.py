@@ -86,6 +86,14 @@ FLIGHT = (
 """How to fly a scenario, whatever the controller."""
 
 
+ENGINE = argument(
+    "--engine",
+    default="reference",
+    metavar="NAME",
+    help="reference, or compiled (with fullam[fast])",
+)
+
+
 def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     """Keywords of `simulate` from the arguments of `FLIGHT`.
 
