@@ -10,6 +10,7 @@ import functools
 import hashlib
 import importlib.util
 import itertools
+import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,8 +25,9 @@ from fullam.analysis.response import coordinates
 from fullam.control.controller import make_settings
 from fullam.control.estimator import estimator_class
 from fullam.exceptions import (
+    AllocationFailed,
     CampaignError,
-    FullamError,
+    NonFiniteWrench,
     SettingsError,
     UnknownName,
     VehicleError,
@@ -51,6 +53,9 @@ TRACE_PERIOD = 0.04
 
 FASTEST = "fastest"
 """Stands for the fastest engine that covers a flight."""
+
+FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
+"""What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
 
 Progress = Callable[[int, int], None]
 """Called with (rows kept, rows in all)."""
@@ -136,6 +141,11 @@ class Campaign:
         contenders = tuple(
             c if isinstance(c, Contender) else Contender.parse(c) for c in self.contenders
         )
+        for seed in self.seeds:
+            if not isinstance(seed, int | np.integer) or seed < 0:
+                raise CampaignError(
+                    "campaign", "seed", f"is {seed!r}", "give whole numbers, 0 or more"
+                )
         seeds = tuple(int(s) for s in self.seeds)
         weather = named_weather(self.weather) if isinstance(self.weather, str) else self.weather
         for name, value in (
@@ -210,6 +220,7 @@ class Campaign:
                 }
                 for c in self.contenders
             ],
+            "vehicles": {s.vehicle: _fingerprint(_vehicle(s.vehicle)) for s in self.scenarios},
             "weather": None if self.weather is None else self.weather.to_dict(),
             "simulation": self.simulation.to_dict(),
             "engines": self.engines,
@@ -247,8 +258,7 @@ class Campaign:
 
         try:
             run = fly(seed)
-        except (FullamError, np.linalg.LinAlgError) as error:
-            # The plan was prepared before, so this is the flight's end and not a wrong name.
+        except FLIGHT_ENDED as error:
             return {"outcome": "failed", "reason": str(error)}
         row: dict[str, Any] = {
             "outcome": run.outcome,
@@ -353,6 +363,12 @@ def _flown(
 @functools.lru_cache(maxsize=8)
 def _vehicle(name: str) -> Vehicle:
     return load_vehicle(name)
+
+
+def _fingerprint(vehicle: Vehicle) -> str:
+    """Digest of a vehicle's data: the same name may be another vehicle tomorrow."""
+    data = json.dumps(vehicle.to_data(), sort_keys=True, default=str)
+    return hashlib.sha256(data.encode()).hexdigest()[:16]
 
 
 def _sources() -> Iterable[Path]:

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fullam
+from fullam.analysis.campaign import FLIGHT_ENDED
 from fullam.analysis.cluster import Workers, open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import Response
@@ -50,7 +51,7 @@ TUNED = Path(__file__).parent / "tuned"
 """Folder of the committed tuned settings, one TOML a contender."""
 
 LOST = 50.0
-"""Cost of a flight that diverges; a bad one that ends has about 15."""
+"""Cost of a flight that diverges or fails; a bad one that ends has about 15."""
 
 POPULATION = 10
 """Candidates a generation."""
@@ -246,7 +247,11 @@ def candidate_cost(
             simulation=simulation,
         )
         fly = fly_under_seeds(plan, engine)
-        costs += [flight_cost(fly(seed), plan.nominal) for _, seed in group]
+        for _, seed in group:
+            try:
+                costs.append(flight_cost(fly(seed), plan.nominal))
+            except FLIGHT_ENDED:
+                costs.append(LOST)
     return float(np.mean(costs))
 
 

@@ -158,13 +158,13 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
             ]
             lines.append([*where, *cells])
     if arguments.json:
-        flown = {"out": str(arguments.out), "flights": len(rows), "engines": campaign.engines}
-        say_json(flown | {"summary": data})
+        counts = {"flights": len(rows), "engines": campaign.engines}
+        say_json({"out": str(arguments.out)} | counts | {"summary": data})
         return
     say(table(lines, ["scenario", "controller", *(text for text, *_ in SUMMARY)], left=2))
     say(f"\nmedians over {arguments.runs} seeds; {len(rows)} rows in {arguments.out}")
-    flown = ", ".join(f"{label}: {engine}" for label, engine in campaign.engines.items())
-    say(f"engine of {flown}")
+    engines = ", ".join(f"{label}: {engine}" for label, engine in campaign.engines.items())
+    say(f"engine of {engines}")
 
 
 @verb(

@@ -11,7 +11,8 @@ from fullam.analysis import campaign as campaign_module
 from fullam.analysis.campaign import Campaign, Contender, code_digest, fly_batch, sweep
 from fullam.analysis.campaign_store import SCHEMA, CampaignStore, read_campaign
 from fullam.analysis.metrics import measure
-from fullam.exceptions import CampaignError, FullamError, UnknownName
+from fullam.exceptions import CampaignError, NonFiniteWrench, UnknownName
+from fullam.model.loading import load_vehicle
 from fullam.simulation.scenario import load_scenario
 from fullam.simulation.simulate import fly_under_seeds, prepare, simulate
 
@@ -119,7 +120,7 @@ def test_a_diverged_and_a_failed_flight_are_rows(tmp_path, monkeypatch):
     assert not table.column("settled").any()
 
     def breaks(seed):
-        raise FullamError("the allocation found nothing")
+        raise NonFiniteWrench(np.full(6, np.nan))
 
     monkeypatch.setattr(campaign_module, "fly_under_seeds", lambda plan, engine: breaks)
     table = sweep(small([0]), tmp_path / "b.parquet")
@@ -138,6 +139,18 @@ def test_a_file_of_other_conditions_is_refused_unless_overwritten(tmp_path):
         sweep(other, tmp_path / "sweep.csv")
 
 
+def test_another_vehicle_of_the_same_name_is_another_campaign(tmp_path, monkeypatch):
+    out = tmp_path / "sweep.parquet"
+    sweep(small([0]), out)
+    heavier = load_vehicle("fullam")
+    rotors = replace(heavier.rotors, k_f=1.01 * heavier.rotors.k_f)
+    definition = {**heavier.definition, "description": "stronger"}
+    stronger = replace(heavier, rotors=rotors, definition=definition)
+    monkeypatch.setattr(campaign_module, "_vehicle", lambda name: stronger)
+    with pytest.raises(CampaignError, match="vehicles differ"):
+        sweep(small([0, 1]), out)
+
+
 def test_a_file_that_is_no_result_is_named(tmp_path):
     broken = tmp_path / "broken.parquet"
     broken.write_bytes(b"PAR1 and no more")
@@ -154,6 +167,9 @@ def test_mistakes_are_found_before_anything_flies():
         small(contenders=("dc-pid@kalmann",))
     with pytest.raises(CampaignError, match="seeds"):
         small(seeds=())
+    for seeds in ((0, -1), (0.0, 1.7), ("0",)):
+        with pytest.raises(CampaignError, match="whole numbers"):
+            small(seeds=seeds)
     with pytest.raises(CampaignError, match="contenders"):
         small(contenders=("pid", Contender("pid")))
     with pytest.raises(UnknownName):
