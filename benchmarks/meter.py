@@ -1,8 +1,8 @@
 """Timing in RNEA equivalents: how a row of the table is measured.
 
 RE is the time of one `pin.rnea` call from Python on the same vehicle. Each round times a burst of
-such calls and then a burst of the thing itself, both warm, and the ratio is taken round by round,
-so that the mood of the machine cancels. Bursts are timed in CPU time of the process (a busy
+such calls, warm, and then a burst of the thing itself, and the ratio is taken round by round, so
+that the mood of the machine cancels. Bursts are timed in CPU time of the process (a busy
 machine's other work does not count), except where several processes or threads work at once: there
 by the clock.
 """
@@ -20,6 +20,9 @@ import pinocchio as pin
 
 from fullam.model.vehicle import Vehicle
 
+RE_OF_FLOORS = 1.45
+"""What an RE was on the machine on which the floors in C++ were measured [us]."""
+
 UNIT_CALLS = 400
 """Calls of RNEA in a burst: about half a millisecond."""
 
@@ -36,7 +39,7 @@ class Row:
         name: What was timed.
         us: Median time of one call [us].
         re: Median ratio to RNEA; None where the ratio means nothing.
-        floor: The same work in C++ [us].
+        floor: The same work in C++ [RE].
         must: Bound that the project promises, in `unit`.
         aim: Bound that it strives for, in `unit`.
         value: What the bounds are about, in `unit`.
@@ -167,7 +170,7 @@ def report(meter: Meter) -> list[str]:
         lines += ["", group, f"  {'':<46}{head}"]
         for row in rows:
             re = "" if row.re is None else f"{row.re:.1f}"
-            over = "" if row.floor is None else f"{row.us / row.floor:.1f}"
+            over = "" if None in (row.floor, row.re) else f"{row.re / row.floor:.1f}"
             value = "" if row.value is None else f"{row.value:.3g}"
             must, aim = ("" if x is None else f"{x:g}" for x in (row.must, row.aim))
             kept = "; ".join(text for text in (row.verdict, row.note) if text)

@@ -7,19 +7,19 @@ import multiprocessing
 import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 
 import pytest
 import workloads
-from meter import Row, rnea_timer
+from meter import RE_OF_FLOORS, Row
 
 from fullam.analysis.campaign import Campaign
 from fullam.simulation.flight import Flight
-from fullam.simulation.flight_plan import FlightPlan
-from fullam.simulation.simulate import fly_under_seeds
+from fullam.simulation.simulate import fly_under_seeds, simulate
 from fullam.simulation.weather import CALM
 
-FLOOR = {"fullam": 4.65, "hextilt": 4.65}
-"""Closed loop in C++, middle of the range measured on hextilt [us a step]."""
+FLOOR = 4.65 / RE_OF_FLOORS
+"""Closed loop in C++, middle of the range measured on hextilt [RE a step]."""
 
 STEPS = 1000
 WORKERS = 2
@@ -31,18 +31,18 @@ def plan(vehicle, weather="paper"):
     return workloads.plan(vehicle, 0.001 * (STEPS - 1), weather=weather)
 
 
-def closed_loop(benchmark, meter, prepare, flown, name, must, aim, floor):
+def closed_loop(benchmark, meter, prepare, flown, name, must=None, aim=None, steps=STEPS):
     """Complete a row about a closed loop, in times real time."""
     row = Row(
-        "Closed loop, control and plant at 1 kHz, dc-PID, all realism on",
+        "Closed loop, control and plant at 1 kHz, dc-PID, from plan to record",
         name,
         0.0,
-        floor=floor,
+        floor=FLOOR,
         must=must,
         aim=aim,
         unit="x real time",
     )
-    meter.measure(benchmark, prepare, STEPS, flown.nominal, row, rounds=9)
+    meter.measure(benchmark, prepare, steps, flown.nominal, row, rounds=9)
     if row.us:
         row.value = flown.simulation.control_period * 1e6 / row.us
         benchmark.extra_info.update(value=row.value, verdict=row.verdict)
@@ -60,11 +60,12 @@ def test_closed_loop(benchmark, meter, weather, vehicle):
         def work():
             for _ in flight.ticks():
                 pass
+            flight.run()
 
         return work
 
-    name = f"numpy, {vehicle}, {weather}"
-    closed_loop(benchmark, meter, prepare, flown, name, 20.0, 35.0, FLOOR[vehicle])
+    name = f"numpy, {vehicle}, {'all realism' if weather == 'paper' else weather}"
+    closed_loop(benchmark, meter, prepare, flown, name, 20.0, 35.0)
 
 
 @pytest.mark.benchmark(timer=time.process_time)
@@ -81,13 +82,30 @@ def test_closed_loop_compiled(benchmark, meter, weather, vehicle):
         job = job_of(flown)
         return lambda: engine.fly_job(flown, job)
 
-    name = f"compiled, {vehicle}, {weather}, record included"
-    closed_loop(benchmark, meter, prepare, flown, name, 60.0, 80.0, FLOOR[vehicle])
+    name = f"compiled, {vehicle}, {'all realism' if weather == 'paper' else weather}"
+    closed_loop(benchmark, meter, prepare, flown, name, 60.0, 80.0)
 
 
-def fly_share(seeds: list[int], flown: FlightPlan | None = None) -> int:
+@pytest.mark.benchmark(timer=time.process_time)
+@pytest.mark.parametrize("engine", ["reference", "compiled"])
+def test_simulate(benchmark, meter, engine):
+    """What a user waits for: tables, weather and true vehicle included."""
+    if engine == "compiled":
+        pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
+    flown, steps = plan("fullam"), 4000
+    scenario = replace(flown.scenario, duration=0.001 * (steps - 1))
+
+    def work():
+        run = simulate(scenario, simulation=flown.simulation, engine=engine)
+        assert len(run) == steps
+
+    name = f"simulate() of 4 s, {'numpy' if engine == 'reference' else engine}, fullam"
+    closed_loop(benchmark, meter, lambda: work, flown, name, steps=steps)
+
+
+def fly_share(seeds: list[int]) -> int:
     """One worker's share of a campaign in Python, records included."""
-    fly = fly_under_seeds(flown or plan("fullam"))
+    fly = fly_under_seeds(plan("fullam"))
     for seed in seeds:
         fly(seed)
     return len(seeds)
@@ -127,13 +145,10 @@ def campaign(benchmark, meter, work, flights, name, must, aim, rounds=3):
         aim=aim,
         unit="us",
     )
-    unit = rnea_timer(plan("fullam").nominal, time.perf_counter)
-    units = [unit() for _ in range(20)]
     benchmark.pedantic(work, rounds=rounds, warmup_rounds=1)
     if not benchmark.enabled:
         return
-    row.us = statistics.median(benchmark.stats.stats.data) / (flights * STEPS) * 1e6
-    row.value, row.re = row.us, row.us * 1e-6 / statistics.median(units)
+    row.us = row.value = statistics.median(benchmark.stats.stats.data) / (flights * STEPS) * 1e6
     meter.add(benchmark, row)
 
 

@@ -8,7 +8,7 @@ import time
 import pytest
 import workloads
 from meter import Row
-from test_tick import compiled_replay, compiled_tick, replay
+from workloads import compiled_replay, compiled_tick, replay
 
 from fullam.model.design import design_vehicle
 from fullam.model.loading import load_vehicle
@@ -32,7 +32,7 @@ def with_joints(n):
         tool_length=0.03,
         link_masses=[0.02] * (n + 1),
     )
-    return workloads.record(vehicle)
+    return workloads.record(vehicle, hover=True)
 
 
 @functools.cache
@@ -41,12 +41,12 @@ def with_rotors(n):
     vehicle = design_vehicle(
         name=f"{n} rotors", rotor_count=n, ring_radius=0.045 * n, k_f=K_F * 8 / n
     )
-    return workloads.record(vehicle)
+    return workloads.record(vehicle, hover=True)
 
 
 def tick_row(benchmark, meter, states, compiled):
     row = Row(
-        "Growth of the dc-PID tick",
+        "Growth of the dc-PID tick, hovering (RE is of the same vehicle and grows too)",
         f"{states.vehicle.name}, {'compiled' if compiled else 'numpy'}",
         0.0,
         unit="RE",

@@ -6,15 +6,15 @@ import time
 
 import pytest
 import workloads
-from meter import Row
+from meter import RE_OF_FLOORS, Row
 
 from fullam.simulation.flight import Flight
 from fullam.simulation.settings import SimulationSettings
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 
-FLOOR = 1.9
-"""The same step in C++ [us]."""
+FLOOR = 1.9 / RE_OF_FLOORS
+"""The same step in C++ [RE]."""
 
 PERIODS = 40
 """Control periods in a burst."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Measurement, ReferencePoint, make_controller
@@ -42,6 +45,9 @@ LAPS = 4
 SETTLED = 1000
 """Ticks that a bank leaves out: the start of its flight."""
 
+STRETCH_EVERY = 235
+"""Ticks from stretch to stretch of the demanding bank, whose reference jumps every 250."""
+
 
 def plan(
     vehicle: Vehicle | str,
@@ -49,10 +55,11 @@ def plan(
     controller: str = "dc-pid",
     weather: Weather = CALM,
     simulation: SimulationSettings = KILOHERTZ,
+    hover: bool = False,
 ) -> FlightPlan:
     """Once round a level circle of 1 m in 8 s while the arm's last joint but one swings.
 
-    A vehicle whose rotors cannot do that hovers in height and attitude.
+    A vehicle whose rotors cannot do that hovers in height and attitude; so do all with `hover`.
     """
     if isinstance(vehicle, str):
         vehicle = load_vehicle(vehicle)
@@ -61,7 +68,7 @@ def plan(
     scenario = Scenario(
         name=f"benchmark of {vehicle.name}",
         initial_position=start,
-        reference=Circle((0.0, 0.0, 2.0), 1.0, 8.0) if all(mask) else Step(start),
+        reference=Step(start) if hover or not all(mask) else Circle((0.0, 0.0, 2.0), 1.0, 8.0),
         arm_motion=SineRate(joint=max(1, vehicle.n_arm - 1), rate=0.5, frequency=1.0),
         duration=duration,
         axes=tuple(axis for axis, good in zip(AXES, mask, strict=True) if good),
@@ -80,6 +87,11 @@ class Bank:
     references: list[ReferencePoint]
 
     @property
+    def pairs(self) -> list[tuple[Measurement, ReferencePoint]]:
+        """What the controller is told, tick by tick."""
+        return list(zip(self.measurements, self.references, strict=True))
+
+    @property
     def calls(self) -> int:
         """Ticks of a burst."""
         return LAPS * len(self.measurements)
@@ -91,18 +103,20 @@ class Bank:
         return ControlTick(law, Allocator(self.vehicle.rotors, axes=self.axes, method=method))
 
 
-def record(vehicle: Vehicle | str, ticks: int = BANK) -> Bank:
-    """A bank from a calm flight around the circle."""
-    return bank_of(plan(vehicle, 0.001 * (SETTLED + ticks)))
+def record(vehicle: Vehicle | str, hover: bool = False) -> Bank:
+    """A bank from a calm flight around the circle, or hovering at a point."""
+    return bank_of(plan(vehicle, 0.001 * (SETTLED + BANK), hover=hover), (SETTLED,), BANK)
 
 
-def record_demanding(vehicle: str, ticks: int = BANK) -> Bank:
+def record_demanding(vehicle: str) -> Bank:
     """A bank from a flight in noise and gusts whose reference jumps four times a second.
 
     The jumps are metres and tens of degrees and are not blended, so most of its wrenches are out of
-    reach; the active set changes as it does in flight.
+    reach. Ten stretches of ten ticks, at different times after ten jumps: within a stretch the
+    active set changes as it does in flight, from stretch to stretch altogether.
     """
-    flown = plan(vehicle, 0.001 * (SETTLED + ticks), weather=WEATHERS[vehicle])
+    starts = tuple(range(SETTLED, SETTLED + 10 * STRETCH_EVERY, STRETCH_EVERY))
+    flown = plan(vehicle, 0.001 * (starts[-1] + BANK), weather=WEATHERS[vehicle])
     rng = np.random.default_rng(0)
     start = np.array([0.0, 0.0, 10.0])
     times = tuple(np.arange(0.0, flown.scenario.duration, 0.25).tolist())
@@ -114,14 +128,16 @@ def record_demanding(vehicle: str, ticks: int = BANK) -> Bank:
     scenario = replace(flown.scenario, initial_position=tuple(start), reference=jumps)
     unblended = {"max_acceleration": None, "max_angular_acceleration": None}
     wide = replace(KILOHERTZ, max_position_error=50.0, max_attitude_error_deg=179.9)
-    return bank_of(prepare(scenario, vehicle=flown.nominal, settings=unblended, simulation=wide))
+    jumping = prepare(scenario, vehicle=flown.nominal, settings=unblended, simulation=wide)
+    return bank_of(jumping, starts, BANK // len(starts))
 
 
-def bank_of(flown: FlightPlan) -> Bank:
-    """Fly a plan and keep what the controller is told, after the start."""
+def bank_of(flown: FlightPlan, starts: tuple[int, ...], length: int) -> Bank:
+    """Fly a plan and keep what the controller is told in stretches of its ticks."""
     flight, measurements, references = Flight(flown), [], []
+    wanted = {k for start in starts for k in range(start, start + length)}
     for k in flight.ticks():
-        if k < SETTLED:
+        if k not in wanted:
             continue
         m, point = Measurement(flown.nominal), ReferencePoint()
         m.q[:], m.v[:] = flight.measurement.q, flight.measurement.v
@@ -131,3 +147,36 @@ def bank_of(flown: FlightPlan) -> Bank:
         measurements.append(m)
         references.append(point)
     return Bank(flown.nominal, flown.scenario.axes_mask, measurements, references)
+
+
+def replay(tick: ControlTick, states: Bank) -> Callable[[], None]:
+    """A function that flies the bank through a tick, LAPS times."""
+    pairs = states.pairs * LAPS
+
+    def work() -> None:
+        speeds = tick.speeds
+        for m, point in pairs:
+            speeds(0.0, m, point)
+
+    return work
+
+
+def compiled_replay(tick: Any, states: Bank) -> Callable[[], None]:
+    """The same for a compiled tick."""
+    pairs = states.pairs * LAPS
+
+    def work() -> None:
+        speeds = tick.speeds
+        for m, point in pairs:
+            speeds(m, point)
+
+    return work
+
+
+def compiled_tick(states: Bank, controller: str) -> Any:
+    """A compiled tick; skips the test without numba."""
+    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
+    from fullam.simulation.compiled.tick import CompiledTick
+
+    tick = states.tick(controller)
+    return CompiledTick(tick.controller, tick.allocator)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from fullam.model.loading import load_vehicle
 
 ROOT = Path(__file__).parent.parent
 BENCHMARKS = ROOT / "benchmarks"
@@ -56,17 +59,69 @@ def test_verdicts(meter, value, unit, verdict):
 
 def test_report_names_what_was_not_run(meter):
     collected = meter.Meter(skipped=["test_x: rotorpy is not installed (fullam[bench])"])
-    collected.rows.append(meter.Row("Ticks", "dc-pid", 9.5, re=9.9, floor=1.25, unit="RE"))
+    collected.rows.append(meter.Row("Ticks", "dc-pid", 9.5, re=9.5, floor=1.25, unit="RE"))
     collected.units.append(0.96)
     text = "\n".join(meter.report(collected))
     assert "not run: test_x: rotorpy is not installed" in text
     assert "7.6" in text  # the ratio to the floor
 
 
-def test_the_unit_is_a_call_of_rnea(meter):
-    from fullam.model.loading import load_vehicle
+class Recorder:
+    """Stands for pytest-benchmark: rounds of the work, timed by a clock that we turn."""
 
-    ticks = iter(range(100))
-    burst = meter.rnea_timer(load_vehicle("fullam"), lambda: float(next(ticks)))
-    calls = meter.UNIT_CALLS // meter.UNIT_STATES * meter.UNIT_STATES
-    assert burst() == pytest.approx(1.0 / calls)
+    enabled = True
+
+    def __init__(self, clock):
+        self.clock, self.extra_info, self.stats = clock, {}, SimpleNamespace(stats=None)
+
+    def pedantic(self, work, setup, rounds, warmup_rounds):
+        times = []
+        for _ in range(warmup_rounds + rounds):
+            arguments, keywords = setup()
+            start = self.clock.now
+            work(*arguments, **keywords)
+            times.append(self.clock.now - start)
+        self.stats.stats = SimpleNamespace(data=times[warmup_rounds:])
+
+
+def test_the_unit_counts_calls_of_rnea(meter, monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+
+    def rnea(*arguments):
+        clock.now += 2e-6
+
+    monkeypatch.setattr(meter.pin, "rnea", rnea)
+    burst = meter.rnea_timer(load_vehicle("fullam"), lambda: clock.now)
+    assert burst() == pytest.approx(2e-6)
+
+
+def test_a_row_is_the_time_of_a_call_and_its_ratio_to_the_unit(meter, monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+    speed = iter([1.0, 1.0, 2.0, 3.0, 4.0] * 100)  # the machine's mood, round by round
+
+    def mood(*arguments):
+        clock.mood = next(speed)
+
+    def unit(vehicle, timer):
+        def burst():
+            mood()
+            return 2e-6 * clock.mood
+
+        return burst
+
+    def prepare():
+        def work():
+            clock.now += 40 * 14e-6 * clock.mood  # 40 calls of 14 us
+
+        return work
+
+    monkeypatch.setattr(meter, "rnea_timer", unit)
+    row = meter.Row("g", "n", 0.0, must=12.0, aim=9.0, unit="RE")
+    collected = meter.Meter()
+    recorder = Recorder(clock)
+    collected.measure(recorder, prepare, 40, None, row, rounds=25)
+    assert row.re == row.value == pytest.approx(7.0)
+    assert row.us == pytest.approx(14.0 * 2.0)  # the median mood
+    assert row.verdict == "aim"
+    assert collected.rows == [row]
+    assert recorder.extra_info["re"] == row.re
