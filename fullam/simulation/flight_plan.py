@@ -82,8 +82,8 @@ class FlightPlan:
         """Tabulate reference and arm, draw the weather and the true vehicle.
 
         Raises:
-            ScenarioError: The arm angles do not fit the vehicle, the reference is not finite, or
-                the seed is no whole number from 0 on.
+            ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
+                starts beyond the bounds of divergence, or the seed is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
@@ -107,14 +107,6 @@ class FlightPlan:
         if tracking is not None:
             linear, angular = tracking.max_acceleration, tracking.max_angular_acceleration
             reference = blend_jumps(asked, scenario.initial_pose, linear, angular)
-        gap = float(np.linalg.norm(reference.pose[0, :3] - scenario.initial_pose[:3]))
-        if gap > simulation.max_position_error:
-            raise ScenarioError(
-                f"scenario '{scenario.name}'",
-                "reference",
-                f"starts {gap:g} m from the vehicle, beyond the bound of divergence",
-                "raise max_position_error, or let the controller blend (max_acceleration)",
-            )
         anticipation = None
         if tracking is not None and tracking.anticipate and reference is not asked:
             lag = tracking.thrust_lag(vehicle) + 0.5 * period
@@ -123,7 +115,7 @@ class FlightPlan:
             )
             reference = anticipation.reference
         draw, true = _draw(weather, seed, t, vehicle)
-        return cls(
+        plan = cls(
             scenario,
             vehicle,
             true,
@@ -139,6 +131,15 @@ class FlightPlan:
             arm,
             draw,
         )
+        if too_far := divergence(plan, 0, scenario.initial_pose):
+            raise ScenarioError(
+                f"scenario '{scenario.name}'",
+                "reference",
+                f"no flight can start: {too_far}",
+                "raise the bound (max_position_error, max_attitude_error_deg), or let the "
+                "controller blend (max_acceleration, max_angular_acceleration)",
+            )
+        return plan
 
     def with_seed(self, seed: int) -> FlightPlan:
         """The same flight in the weather, and with the true vehicle, of another seed.
