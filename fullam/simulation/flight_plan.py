@@ -21,7 +21,8 @@ from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable
-from fullam.simulation.references import ReferenceTable, blend_jumps, tabulate
+from fullam.simulation.blending import blend_jumps, leaves_jumps
+from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import Forecast, Weather, forecast
@@ -48,7 +49,8 @@ class FlightPlan:
         t: Control grid [s], shape (N,).
         asked: The scenario's reference on the grid.
         reference: What the controller is fed: `asked` with its jumps blended.
-        anticipation: Known lags of the commanded motion; None if the controller wants none.
+        anticipation: Known lags of the commanded motion; None if the controller wants none,
+            or if a jump is left in `reference`.
         arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
         forecast: The draw of the weather.
     """
@@ -102,18 +104,15 @@ class FlightPlan:
         half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
         arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
-        tracking = settings if isinstance(settings, TrackingSettings) else None
-        reference = asked
-        if tracking is not None:
-            linear, angular = tracking.max_acceleration, tracking.max_angular_acceleration
-            reference = blend_jumps(asked, scenario.initial_pose, linear, angular)
-        anticipation = None
-        if tracking is not None and tracking.anticipate and reference is not asked:
-            lag = tracking.thrust_lag(vehicle) + 0.5 * period
-            anticipation = Anticipation.of(
-                reference, make_estimator(simulation, weather, vehicle.gravity), lag
-            )
-            reference = anticipation.reference
+        reference, anticipation = asked, None
+        if isinstance(settings, TrackingSettings):
+            limits = settings.max_acceleration, settings.max_angular_acceleration
+            reference = blend_jumps(asked, scenario.initial_pose, *limits)
+            if settings.anticipate and not leaves_jumps(asked, scenario.initial_pose, *limits):
+                estimator = make_estimator(simulation, weather, vehicle.gravity)
+                lag = settings.thrust_lag(vehicle) + 0.5 * period
+                anticipation = Anticipation.of(reference, estimator, lag)
+                reference = anticipation.reference
         draw, true = _draw(weather, seed, t, vehicle)
         plan = cls(
             scenario,
