@@ -54,6 +54,18 @@ def test_the_impulse_of_a_gust_does_not_depend_on_the_control_rate(period):
     np.testing.assert_allclose(impulse[-1], fine[-1], atol=1e-6)
 
 
+@pytest.mark.parametrize("duration", [0.01, 0.3, 0.95, 1.0])
+@pytest.mark.parametrize("period", [0.01, 0.1, 0.25, 1.5, 2.4])
+def test_no_impulse_is_lost_where_a_period_touches_several_gusts(period, duration):
+    """Shares are rounded to 1e-9 of some 20 N and held for seconds in all: below 1e-6."""
+    stormy = replace(RECORDED, gust_duration=duration)
+    t = np.arange(round(12.0 / period)) * period
+    # The draws themselves: gust k blows for its duration, the last one ends within 12 s.
+    draws = forecast(replace(stormy, gust_duration=1.0), 2, np.arange(12) * 1.0).disturbance
+    impulse = forecast(stormy, 2, t).disturbance.sum(axis=0) * period
+    np.testing.assert_allclose(impulse, draws.sum(axis=0) * duration, atol=1e-6)
+
+
 def test_one_seed_one_weather_and_streams_of_their_own():
     a, b = forecast(PAPER, 7, T), forecast(replace(PAPER, force_disturbance=0.0), 7, T)
     np.testing.assert_array_equal(a.pose_noise, b.pose_noise)
