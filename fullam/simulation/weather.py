@@ -138,14 +138,14 @@ class Forecast:
         pose_noise: [position (world), attitude (tangent at {A})], shape (N, 6) [m, rad].
         disturbance: Wrench on the platform at its origin, world axes, shape (N, 6) [N, N m], held
             over each control period.
-        inertial: Generator for the noise of the inertial sensors.
+        inertial: Seed of the noise of the inertial sensors, which is drawn when it is first read.
         parameters: Generator for the draw of the true vehicle.
     """
 
     weather: Weather
     pose_noise: Array
     disturbance: Array
-    inertial: np.random.Generator
+    inertial: np.random.SeedSequence
     parameters: np.random.Generator
 
     @property
@@ -161,10 +161,11 @@ class Forecast:
     @cached_property
     def _inertial_noise(self) -> tuple[Array, Array]:
         # Few estimators read these sensors, and their noise is half of what there is to draw.
-        shape = (len(self.pose_noise), 3)
+        # A generator of its own each time: a copy, or a second thread, draws the same.
+        rng, shape = np.random.default_rng(self.inertial), (len(self.pose_noise), 3)
         return (
-            self.inertial.standard_normal(shape) * self.weather.gyroscope_noise,
-            self.inertial.standard_normal(shape) * self.weather.accelerometer_noise,
+            rng.standard_normal(shape) * self.weather.gyroscope_noise,
+            rng.standard_normal(shape) * self.weather.accelerometer_noise,
         )
 
 
@@ -176,8 +177,9 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
         seed: One number; each kind of randomness gets a stream of its own from it.
         t: Control grid [s], shape (N,).
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
-    noise, gusts, inertial, parameters = streams
+    streams = np.random.SeedSequence(seed).spawn(4)
+    inertial = streams.pop(2)
+    noise, gusts, parameters = map(np.random.default_rng, streams)
     sigma = np.repeat([weather.position_noise, np.radians(weather.attitude_noise_deg)], 3)
     pose_noise = noise.standard_normal((t.size, 6))
     while (outside := np.abs(pose_noise) > weather.noise_bound).any():
