@@ -14,6 +14,18 @@ from typing import Any
 class FullamError(Exception):
     """Base of all errors raised on purpose by fullam."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy by message and evidence: `args` hold what `__init__` made of its arguments.
+
+        Without it an error raised in a worker process arrives as a TypeError.
+        """
+        return _rebuild, (type(self), self.args), self.__dict__
+
+
+def _rebuild(cls: type[FullamError], args: tuple[Any, ...]) -> FullamError:
+    """An error with these `args`, its `__init__` not called."""
+    return cls.__new__(cls, *args)
+
 
 class UnknownName(FullamError):
     """A name that is not registered; the message lists the known ones.

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fullam.simulation.simulate import Progress
+    from fullam.simulation.progress import Progress
 
 PATIENCE = 1.0
 """What takes longer than this shows its progress [s]."""

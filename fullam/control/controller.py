@@ -69,10 +69,14 @@ class Controller(ABC):
         Settings: Frozen dataclass of its settings, all of them JSON values.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
+        attitude: R_WA of the measurement of the last tick, shape (3, 3), for whoever turns the
+            wrench to {A}: one array for the life of the law, live, rewritten by every `wrench`.
+            None for a law that does not share it; the attitude is then worked out again.
     """
 
     name: ClassVar[str]
     Settings: ClassVar[type]
+    attitude: Array | None = None
 
     def __init__(
         self,

@@ -148,7 +148,7 @@ class PidBase(Controller):
 
     Attributes:
         law: Eq. (19).
-        attitude: R_WA of the last measurement, shape (3, 3), live.
+        attitude: That of the law, `PidLaw.rotation`; see `Controller`.
         rigid_inertia: Inertia of the whole vehicle about the origin of {A} with the arm neutral,
             {A} axes, shape (3, 3) [kg m^2].
     """

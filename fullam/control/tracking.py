@@ -28,8 +28,9 @@ class TrackingSettings:
             whose peak acceleration is this [m/s^2]; None leaves jumps as they are.
         max_angular_acceleration: The same for the attitude [rad/s^2].
         anticipate: Take the known lags (of the estimator, of the rotors) off the commanded motion,
-            so that they are no error. Jumps that are left in (no limit on the acceleration) are
-            not anticipated.
+            so that they are no error. If a jump is left in the motion (for want of a limit on the
+            acceleration) nothing is anticipated: the lag behind a jump is the jump itself, and
+            taking it off would hide the error from the law.
     """
 
     position_gains: tuple[float, float, float]

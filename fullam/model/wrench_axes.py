@@ -24,9 +24,9 @@ and an axis reached with a ten-thousandth of the authority of another cannot be 
 def full_scale(rotors: Rotors) -> Array:
     """Full-scale wrench, shape (6,) [N, N m]: what the rotors would give if all pulled one way.
 
-    Three times the sum of the largest thrusts, then three times the sum of the largest moments of
-    the single rotors: one number for forces and one for moments, so that an error weighs the same
-    in every direction of {A}.
+    The sum of the largest thrusts of the single rotors, once for each of the three force axes; then
+    the sum of their largest moments, once for each of the three moment axes. One number for forces
+    and one for moments, so that an error weighs the same in every direction of {A}.
     """
     B = rotors.normalized_coupling
     scale = np.repeat(

@@ -248,18 +248,25 @@ def finish(
         "outcome": outcome,
         "reason": reason,
         "engine": engine,
-        "versions": _versions(),
+        "versions": _versions(engine),
     }
     return Run(out, metadata)
 
 
+DECISIVE = ("pin", "numpy", "scipy", "proxsuite")
+"""The packages that decide a flight's last bits."""
+
+DECISIVE_FOR = {"compiled": ("numba", "llvmlite")}
+"""Those that do so under one engine only, by its name."""
+
+
 @functools.cache
-def _versions() -> dict[str, str]:
-    """What flew: versions of the packages that decide a flight's last bits."""
+def _versions(engine: str) -> dict[str, str]:
+    """What flew: versions of this package, Python and all that decides the last bits."""
     return {
         "fullam": fullam.version.__version__,
         "python": platform.python_version(),
-        **{name: version(name) for name in ("pin", "numpy", "scipy", "proxsuite")},
+        **{name: version(name) for name in (*DECISIVE, *DECISIVE_FOR.get(engine, ()))},
     }
 
 

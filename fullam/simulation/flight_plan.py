@@ -21,7 +21,8 @@ from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable
-from fullam.simulation.references import ReferenceTable, blend_jumps, tabulate
+from fullam.simulation.blending import blend_jumps, leaves_jumps
+from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import Forecast, Weather, forecast
@@ -48,7 +49,8 @@ class FlightPlan:
         t: Control grid [s], shape (N,).
         asked: The scenario's reference on the grid.
         reference: What the controller is fed: `asked` with its jumps blended.
-        anticipation: Known lags of the commanded motion; None if the controller wants none.
+        anticipation: Known lags of the commanded motion; None if the controller wants none,
+            or if a jump is left in `reference`.
         arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
         forecast: The draw of the weather.
     """
@@ -82,8 +84,8 @@ class FlightPlan:
         """Tabulate reference and arm, draw the weather and the true vehicle.
 
         Raises:
-            ScenarioError: The arm angles do not fit the vehicle, the reference is not finite, or
-                the seed is no whole number from 0 on.
+            ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
+                starts beyond the bounds of divergence, or the seed is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
@@ -102,28 +104,17 @@ class FlightPlan:
         half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
         arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
-        tracking = settings if isinstance(settings, TrackingSettings) else None
-        reference = asked
-        if tracking is not None:
-            linear, angular = tracking.max_acceleration, tracking.max_angular_acceleration
-            reference = blend_jumps(asked, scenario.initial_pose, linear, angular)
-        gap = float(np.linalg.norm(reference.pose[0, :3] - scenario.initial_pose[:3]))
-        if gap > simulation.max_position_error:
-            raise ScenarioError(
-                f"scenario '{scenario.name}'",
-                "reference",
-                f"starts {gap:g} m from the vehicle, beyond the bound of divergence",
-                "raise max_position_error, or let the controller blend (max_acceleration)",
-            )
-        anticipation = None
-        if tracking is not None and tracking.anticipate and reference is not asked:
-            lag = tracking.thrust_lag(vehicle) + 0.5 * period
-            anticipation = Anticipation.of(
-                reference, make_estimator(simulation, weather, vehicle.gravity), lag
-            )
-            reference = anticipation.reference
+        reference, anticipation = asked, None
+        if isinstance(settings, TrackingSettings):
+            limits = settings.max_acceleration, settings.max_angular_acceleration
+            reference = blend_jumps(asked, scenario.initial_pose, *limits)
+            if settings.anticipate and not leaves_jumps(asked, scenario.initial_pose, *limits):
+                estimator = make_estimator(simulation, weather, vehicle.gravity)
+                lag = settings.thrust_lag(vehicle) + 0.5 * period
+                anticipation = Anticipation.of(reference, estimator, lag)
+                reference = anticipation.reference
         draw, true = _draw(weather, seed, t, vehicle)
-        return cls(
+        plan = cls(
             scenario,
             vehicle,
             true,
@@ -139,6 +130,15 @@ class FlightPlan:
             arm,
             draw,
         )
+        if too_far := divergence(plan, 0, scenario.initial_pose):
+            raise ScenarioError(
+                f"scenario '{scenario.name}'",
+                "reference",
+                f"no flight can start: {too_far}",
+                "raise the bound (max_position_error, max_attitude_error_deg), or let the "
+                "controller blend (max_acceleration, max_angular_acceleration)",
+            )
+        return plan
 
     def with_seed(self, seed: int) -> FlightPlan:
         """The same flight in the weather, and with the true vehicle, of another seed.

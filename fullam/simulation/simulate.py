@@ -12,6 +12,7 @@ from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.progress import Progress
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
@@ -20,9 +21,6 @@ from fullam.simulation.weather import weather as named_weather
 
 ENGINES = ("reference", "compiled")
 """The engines that can fly a plan: Pinocchio and numpy; or machine code, with fullam[fast]."""
-
-Progress = Callable[[int, int], None]
-"""Called with (ticks flown, ticks in all) now and then."""
 
 
 def prepare(
@@ -85,8 +83,8 @@ def simulate(
             the defaults.
         simulation: Rates, integrator, sensors.
         engine: Which engine flies it, one of `ENGINES`: "reference" flies everything, "compiled"
-            the same flights to rounding, twenty times faster or more, where it covers them.
-        progress: Told how far the flight is, about a hundred times.
+            the same flights to rounding, ten times faster or more, where it covers them.
+        progress: Told (ticks flown, ticks in all) about a hundred times.
         throw: Raise when the flight diverges (at the prompt); False returns the partial run with
             outcome "diverged" (in a campaign).
 
@@ -94,9 +92,13 @@ def simulate(
         Diverged: The flight left the bounds of sense; the error carries the partial run.
         UnknownName: No such scenario, controller, vehicle, weather or engine.
         ScenarioError: A scenario that cannot be flown.
+        VehicleError: A vehicle file that describes no flyable vehicle, or, with engine="compiled",
+            an arm that is not one chain of revolute joints.
         NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
+        NonFiniteWrench: The controller returned NaN or infinity.
         MissingDependency: engine="compiled" without numba.
-        SettingsError: engine="compiled" for what it does not cover; the message names it.
+        SettingsError: A setting that the controller does not accept; or engine="compiled" for what
+            it does not cover. The message names it.
     """
     if engine not in ENGINES:
         raise UnknownName("engine", engine, ENGINES)
@@ -120,14 +122,19 @@ def fly_under_seeds(plan: FlightPlan, engine: str = "reference") -> Callable[[in
     """A function from a seed to the run of the plan under it.
 
     What the flights share is prepared once; each run equals that of `simulate` with throw=False.
+    The function raises ScenarioError for a seed that is no whole number from 0 on, and
+    NonFiniteWrench where the controller returns NaN or infinity.
 
     Args:
         plan: The plan of any seed; see `prepare`.
         engine: As in `simulate`.
 
     Raises:
-        MissingDependency, SettingsError: As in `simulate`.
+        UnknownName: No such engine.
+        MissingDependency, SettingsError, VehicleError: As in `simulate` for engine="compiled".
     """
+    if engine not in ENGINES:
+        raise UnknownName("engine", engine, ENGINES)
     if engine == "reference":
         return lambda seed: _fly(plan.with_seed(seed), None)
     from fullam.simulation.compiled.batch import Batch  # imports numba, which is optional

@@ -6,6 +6,7 @@ parameters, so two controllers with one seed meet exactly the same weather, howe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -137,14 +138,14 @@ class Forecast:
         pose_noise: [position (world), attitude (tangent at {A})], shape (N, 6) [m, rad].
         disturbance: Wrench on the platform at its origin, world axes, shape (N, 6) [N, N m], held
             over each control period.
-        inertial: Generator for the noise of the inertial sensors.
+        inertial: Seed of the noise of the inertial sensors, which is drawn when it is first read.
         parameters: Generator for the draw of the true vehicle.
     """
 
     weather: Weather
     pose_noise: Array
     disturbance: Array
-    inertial: np.random.Generator
+    inertial: np.random.SeedSequence
     parameters: np.random.Generator
 
     @property
@@ -160,10 +161,11 @@ class Forecast:
     @cached_property
     def _inertial_noise(self) -> tuple[Array, Array]:
         # Few estimators read these sensors, and their noise is half of what there is to draw.
-        shape = (len(self.pose_noise), 3)
+        # A generator of its own each time: a copy, or a second thread, draws the same.
+        rng, shape = np.random.default_rng(self.inertial), (len(self.pose_noise), 3)
         return (
-            self.inertial.standard_normal(shape) * self.weather.gyroscope_noise,
-            self.inertial.standard_normal(shape) * self.weather.accelerometer_noise,
+            rng.standard_normal(shape) * self.weather.gyroscope_noise,
+            rng.standard_normal(shape) * self.weather.accelerometer_noise,
         )
 
 
@@ -175,8 +177,9 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
         seed: One number; each kind of randomness gets a stream of its own from it.
         t: Control grid [s], shape (N,).
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
-    noise, gusts, inertial, parameters = streams
+    streams = np.random.SeedSequence(seed).spawn(4)
+    inertial = streams.pop(2)
+    noise, gusts, parameters = map(np.random.default_rng, streams)
     sigma = np.repeat([weather.position_noise, np.radians(weather.attitude_noise_deg)], 3)
     pose_noise = noise.standard_normal((t.size, 6))
     while (outside := np.abs(pose_noise) > weather.noise_bound).any():
@@ -188,17 +191,22 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
 def _gusts(weather: Weather, rng: np.random.Generator, t: Array) -> Array:
     """Disturbance wrenches, shape (N, 6). Gust k begins after k intervals.
 
-    A control period holds a gust's mean over the period, so that the impulse is the same at every
-    control rate.
+    A control period holds the mean over the period of every gust that it touches, so that the
+    impulse is the same at every control rate.
     """
     period = t[1] - t[0] if t.size > 1 else weather.gust_duration
-    number = np.floor((t + period - 1e-9) / weather.gust_interval).astype(int)
+    interval, duration = weather.gust_interval, weather.gust_duration
+    end = t + period
+    last = np.floor((end - 1e-9) / interval).astype(int)  # gust to begin within the period
     scale = np.repeat([weather.force_disturbance, weather.moment_disturbance], 3)
-    draws = rng.standard_normal((int(number.max(initial=0)) + 1, 6)) * scale
-    start = number * weather.gust_interval
-    overlap = np.minimum(t + period, start + weather.gust_duration) - np.maximum(t, start)
-    blowing = np.flatnonzero((overlap > 0.0) & (number >= 1))
-    share = np.round(np.minimum(overlap[blowing] / period, 1.0), 9)
+    draws = rng.standard_normal((int(last.max(initial=0)) + 1, 6)) * scale
     disturbance = np.zeros((t.size, 6))
-    disturbance[blowing] = draws[number[blowing]] * share[:, None]
+    # Of gusts shorter than the calm between them a short period touches the last one only.
+    for back in range(math.ceil((period + duration) / interval)):
+        number = last - back if back else last
+        start = number * interval
+        overlap = np.minimum(end, start + duration) - np.maximum(t, start)
+        blowing = ((overlap > 0.0) & (number >= 1)).nonzero()[0]
+        share = np.minimum(overlap[blowing] / period, 1.0).round(9)
+        disturbance[blowing] += draws[number[blowing]] * share[:, None]
     return disturbance

@@ -11,7 +11,8 @@ from fullam.control.estimator import estimator_class
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.model.loading import load_vehicle
 from fullam.simulation.anticipation import Anticipation
-from fullam.simulation.references import Step, blend_jumps, tabulate
+from fullam.simulation.blending import blend_jumps
+from fullam.simulation.references import Step, tabulate
 
 T = np.arange(301) * 0.01
 START = pose_from_euler(np.zeros(3), np.zeros(3))
@@ -66,14 +67,45 @@ def test_late_and_slow_poses_are_anticipated_too():
         assert fullam.measure(run).overshoot_percent < fullam.measure(without).overshoot_percent
 
 
-def test_jumps_that_are_left_in_are_not_anticipated():
-    raw = {"max_acceleration": None, "max_angular_acceleration": None}
-    scenario = fullam.Scenario(
-        "turn", reference=fullam.Step((0, 0, 1), (10, 0, 0), at=0.2), duration=1.0
+NO_LIMITS = {"max_acceleration": None, "max_angular_acceleration": None}
+TURN = fullam.Step((0, 0, 1), (10, 0, 0), at=0.2)
+SIDEWAYS = fullam.Step((1, 0, 1), at=0.2)
+
+
+@pytest.mark.parametrize(
+    ("reference", "limits", "anticipated"),
+    [
+        (TURN, NO_LIMITS, False),
+        (TURN, {"max_angular_acceleration": None}, False),
+        (TURN, {"max_acceleration": None}, True),
+        (SIDEWAYS, {"max_acceleration": None}, False),
+        (SIDEWAYS, {"max_angular_acceleration": None}, True),
+        (SIDEWAYS, {}, True),
+    ],
+)
+def test_jumps_that_are_left_in_are_not_anticipated(reference, limits, anticipated):
+    scenario = fullam.Scenario("jump", reference=reference, duration=1.0)
+    a, b = (
+        fullam.simulate(scenario, calm=True, settings=limits | {"anticipate": wanted})
+        for wanted in (True, False)
     )
-    a = fullam.simulate(scenario, calm=True, settings=raw)
-    b = fullam.simulate(scenario, calm=True, settings=raw | {"anticipate": False})
-    np.testing.assert_array_equal(a.pose, b.pose)
+    assert np.array_equal(a.pose, b.pose) is not anticipated
+
+
+def test_a_smooth_reference_is_anticipated_without_limits_too():
+    """It has no jumps, so a limit on their acceleration makes no difference."""
+    scenario = fullam.Scenario(
+        "circle",
+        initial_position=(1.0, 0.0, 1.0),
+        reference=fullam.Circle((0.0, 0.0, 1.0), radius=1.0, period=6.0),
+        duration=2.0,
+    )
+    limited = fullam.simulate(scenario, calm=True)
+    free = fullam.simulate(scenario, calm=True, settings=NO_LIMITS)
+    late = fullam.simulate(scenario, calm=True, settings=NO_LIMITS | {"anticipate": False})
+    np.testing.assert_array_equal(free.pose, limited.pose)
+    errors = [np.linalg.norm(r.pose[-1, :3] - r.reference_pose[-1, :3]) for r in (free, late)]
+    assert errors[0] < 0.5 * errors[1]
 
 
 def test_it_is_what_keeps_the_step_from_overshooting():

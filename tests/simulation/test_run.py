@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from fullam.exceptions import Diverged, RunFileError, UnknownName
 from fullam.model.perturbation import Uncertainty, perturb
 from fullam.simulation.run import COLUMNS, Run
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.simulate import fly_under_seeds, prepare
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,22 @@ def test_saving_and_loading_changes_nothing(run, tmp_path):
 
 def test_a_loaded_run_flies_again_bit_for_bit(run, tmp_path):
     assert same(run, Run.load(run.save(tmp_path / "run.npz")).refly())
+
+
+def test_a_run_says_which_versions_flew_it(run):
+    packages = {"fullam", "python", "pin", "numpy", "scipy", "proxsuite"}
+    assert set(run.metadata["versions"]) == packages
+    pytest.importorskip("numba", reason="the compiled engine needs the extra 'fast'")
+    compiled = fullam.simulate(replace(run.scenario, duration=0.1), seed=5, engine="compiled")
+    versions = compiled.metadata["versions"]
+    assert set(versions) == packages | {"numba", "llvmlite"}
+    assert versions["numba"] == version("numba")
+    assert same(compiled, compiled.refly())
+
+
+def test_an_unknown_engine_is_named_before_it_flies():
+    with pytest.raises(UnknownName, match=r"swift.*reference, compiled"):
+        fly_under_seeds(prepare("task-1"), "swift")
 
 
 def test_a_changed_vehicle_flies_again_as_it_was_changed(tmp_path):

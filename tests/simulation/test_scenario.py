@@ -7,6 +7,7 @@ import fullam
 from fullam.exceptions import NotFullyActuated, ScenarioError, UnknownName
 from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.scenario import Scenario, load_scenario, scenario_names
+from fullam.simulation.simulate import prepare
 from fullam.simulation.weather import CALM
 
 PAPER_SCENARIOS = [
@@ -130,7 +131,31 @@ def test_a_sine_rate_integrates_to_its_angle():
     )
 
 
+UNBLENDED = {"max_acceleration": None, "max_angular_acceleration": None}
+
+
 def test_a_reference_that_starts_beyond_the_bound_of_divergence_is_refused():
     scenario = fullam.Scenario("far", reference=fullam.Step((9.0, 0.0, 1.0)))
-    with pytest.raises(ScenarioError, match=r"starts 9 m from the vehicle.*max_position_error"):
-        fullam.simulate(scenario, settings={"max_acceleration": None})
+    with pytest.raises(ScenarioError, match=r"is 9 m and 0 deg.*max_position_error.*max_accel"):
+        prepare(scenario, settings=UNBLENDED)
+    assert prepare(scenario).reference.pose[0, 0] == 0.0
+
+
+def test_a_reference_that_starts_turned_beyond_the_bound_is_refused():
+    scenario = fullam.Scenario("turned", reference=fullam.Step((0, 0, 1), (150, 0, 0)))
+    with pytest.raises(ScenarioError, match=r"150 deg.*max_attitude_error_deg.*max_angular"):
+        prepare(scenario, settings=UNBLENDED)
+    wide = fullam.SimulationSettings(max_attitude_error_deg=179.0)
+    assert prepare(scenario, settings=UNBLENDED, simulation=wide).t.size > 1
+
+
+def test_where_an_axis_is_not_controlled_the_reference_may_be_anywhere():
+    """As in flight, where an axis that nobody controls is not looked at either."""
+    scenario = fullam.Scenario(
+        "sideways",
+        vehicle="quadrotor_arm",
+        reference=fullam.Step((9.0, 0.0, 1.0)),
+        axes=("z", "phi", "psi", "gamma"),
+        duration=0.1,
+    )
+    assert not fullam.simulate(scenario, settings=UNBLENDED, calm=True).diverged

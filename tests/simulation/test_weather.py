@@ -1,5 +1,6 @@
 """Weather: statistics as stated, the same for everyone, streams apart."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -54,12 +55,46 @@ def test_the_impulse_of_a_gust_does_not_depend_on_the_control_rate(period):
     np.testing.assert_allclose(impulse[-1], fine[-1], atol=1e-6)
 
 
+@pytest.mark.parametrize("duration", [0.01, 0.3, 0.95, 1.0])
+@pytest.mark.parametrize("period", [0.01, 0.1, 0.16, 0.25, 1.5, 2.4])
+def test_no_impulse_is_lost_where_a_period_touches_several_gusts(period, duration):
+    """Shares are rounded to 1e-9 of some 20 N and held for seconds in all: below 1e-6."""
+    stormy = replace(RECORDED, gust_duration=duration)
+    t = np.arange(round(12.0 / period)) * period
+    # The draws themselves: gust k blows for its duration, the last one ends within 12 s.
+    draws = forecast(replace(stormy, gust_duration=1.0), 2, np.arange(12) * 1.0).disturbance
+    impulse = forecast(stormy, 2, t).disturbance.sum(axis=0) * period
+    np.testing.assert_allclose(impulse, draws.sum(axis=0) * duration, atol=1e-6)
+
+
 def test_one_seed_one_weather_and_streams_of_their_own():
     a, b = forecast(PAPER, 7, T), forecast(replace(PAPER, force_disturbance=0.0), 7, T)
     np.testing.assert_array_equal(a.pose_noise, b.pose_noise)
     np.testing.assert_array_equal(a.disturbance[:, 3:], b.disturbance[:, 3:])
     assert a.parameters.random() == b.parameters.random()
     assert not np.array_equal(a.pose_noise, forecast(PAPER, 8, T).pose_noise)
+
+
+@pytest.mark.parametrize("copied", [replace, copy.copy, copy.deepcopy])
+@pytest.mark.parametrize("read_first", [True, False])
+def test_a_copy_draws_the_same_inertial_noise(copied, read_first):
+    draw, other = forecast(PAPER, 7, T), forecast(PAPER, 7, T)
+    if read_first:
+        assert draw.gyroscope_noise.any()
+    twin = copied(draw)
+    for d in (twin, draw):
+        np.testing.assert_array_equal(d.gyroscope_noise, other.gyroscope_noise)
+        np.testing.assert_array_equal(d.accelerometer_noise, other.accelerometer_noise)
+
+
+def test_the_inertial_noise_of_a_seed_is_the_third_stream_of_it():
+    """Runs on file fly again bit for bit, so the numbers of a seed must stay."""
+    rng = np.random.default_rng(np.random.SeedSequence(7).spawn(4)[2])
+    draw = forecast(PAPER, 7, T)
+    gyroscope = rng.standard_normal((T.size, 3)) * PAPER.gyroscope_noise
+    np.testing.assert_array_equal(draw.gyroscope_noise, gyroscope)
+    accelerometer = rng.standard_normal((T.size, 3)) * PAPER.accelerometer_noise
+    np.testing.assert_array_equal(draw.accelerometer_noise, accelerometer)
 
 
 def test_names_and_plain_data():
