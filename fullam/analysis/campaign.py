@@ -34,6 +34,7 @@ from fullam.exceptions import (
 )
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.simulation.progress import Progress
 from fullam.simulation.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import ENGINES, fly_under_seeds, prepare
@@ -56,9 +57,6 @@ FASTEST = "fastest"
 
 FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
 """What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
-
-Progress = Callable[[int, int], None]
-"""Called with (rows kept, rows in all)."""
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     Prints what the flight was worth, and saves the record and a figure if asked. Two controllers
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged.
     """
-    run, metrics = fly(arguments, arguments.controller, dict(arguments.set))
+    run, metrics = fly(arguments, arguments.controller, dict(arguments.set), arguments.engine)
     files = {}
     if arguments.out:
         files["run"] = str(run.save(arguments.out))
@@ -115,7 +115,7 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     One seed is one weather: noise, gusts and true parameters are the same for all of them. Exit
     code 1 says that a flight diverged.
     """
-    flights = [fly(arguments, name, {}) for name in arguments.controllers]
+    flights = [fly(arguments, name, {}, arguments.engine) for name in arguments.controllers]
     runs = [run for run, _ in flights]
     files = {}
     if arguments.figure and all(has_rows(run) for run in runs):
@@ -138,7 +138,10 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
 
 
 def fly(
-    arguments: argparse.Namespace, controller: str, settings: dict[str, Any]
+    arguments: argparse.Namespace,
+    controller: str,
+    settings: dict[str, Any],
+    engine: str = "reference",
 ) -> tuple[Run, Metrics]:
     """Simulate and measure one flight, with progress."""
     from fullam.analysis.metrics import measure
@@ -151,7 +154,7 @@ def fly(
             arguments.scenario,
             controller,
             settings=settings,
-            engine=arguments.engine,
+            engine=engine,
             progress=show,
             throw=False,
             **keywords,

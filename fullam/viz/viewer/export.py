@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from fullam.exceptions import InvalidInput
 from fullam.files import atomic_path
+from fullam.simulation.progress import Progress
 from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.page import film_page
 from fullam.viz.viewer.replay import Film
@@ -25,8 +25,6 @@ GIF_RATE = 12.5
 
 MOST_GIF_FRAMES = 400
 """An animation of a longer flight has fewer frames in a second."""
-
-Progress = Callable[[int, int], None]
 
 
 def write_html(film: Film, path: str | Path) -> Path:
