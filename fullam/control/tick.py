@@ -20,7 +20,7 @@ class ControlTick:
 
     This is what runs on a flight computer, and what a simulated flight calls once a period. A
     wrench out of reach is allocated about the vehicle's centre of mass, and the controller is told
-    what it got. Copies and pickles go on from the same controller and allocator.
+    what it got. Copies and pickles begin afresh, as those of a controller do.
 
     Attributes:
         controller: The law; call its `reset` before the first tick.

@@ -98,7 +98,8 @@ def orthogonalise(M, V, null):
     """One-sided Jacobi: M V with orthogonal columns, in place; V, shape (6, 6), starts as 1.
 
     With M = A^T the columns of V are the left singular vectors of A, all six of them, those of the
-    columns of M V are its singular values, and their directions its right ones.
+    columns of M V are its singular values, and their directions its right ones. Two columns are
+    orthogonal at a cosine of 1e-15: asked for 1e-16, which is rounding, some pairs never are.
 
     Args:
         M: Shape (n, 6).
@@ -118,7 +119,7 @@ def orthogonalise(M, V, null):
                     a += M[k, i] * M[k, i]
                     b += M[k, j] * M[k, j]
                     c += M[k, i] * M[k, j]
-                if a <= null or b <= null or c * c <= 1e-32 * a * b:
+                if a <= null or b <= null or c * c <= 1e-30 * a * b:
                     continue
                 turned = True
                 ratio = (b - a) / (2.0 * c)

@@ -74,7 +74,7 @@ class CompiledTick:
             )
         )
 
-    def _bind(self, arguments: tuple[Array, ...]) -> None:
+    def _bind(self, arguments: tuple[Any, ...]) -> None:
         """Keep the arguments of the compiled function, look into them, and compile it."""
         self._arguments = arguments
         _, _, self.memory, *allotment, state, speeds, _, _, _, self._inputs = arguments
