@@ -29,7 +29,8 @@ def test_without_numba_the_error_says_what_to_install(monkeypatch):
 
     for module in [m for m in sys.modules if m.startswith("fullam.simulation.compiled.")]:
         monkeypatch.delitem(sys.modules, module)
-    monkeypatch.delattr(importlib.import_module("fullam.simulation.compiled"), "engine")
+    package = importlib.import_module("fullam.simulation.compiled")
+    monkeypatch.delattr(package, "engine", raising=False)
     monkeypatch.setattr(builtins, "__import__", blocked)
     with pytest.raises(MissingDependency, match=r"fullam\[fast\]"):
         simulate("task-1", engine="compiled")

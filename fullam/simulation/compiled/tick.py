@@ -131,7 +131,7 @@ class CompiledTick:
             NonFiniteWrench: NaN or infinity.
         """
         wrench = np.array(wrench_A, dtype=float).reshape(1, 6)
-        if not isfinite(wrench.sum()):
+        if not isfinite(sum(wrench[0].tolist())):
             raise NonFiniteWrench(wrench[0])
         saturated = allot_compiled(self.allotment, wrench)
         return self.allotment.unknowns[U].copy(), bool(saturated)
