@@ -26,13 +26,9 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.control.allocation_request import (
-    read_axes,
-    read_preferred_speeds,
-    read_weights,
-)
+from fullam.control.allocation_request import read_axes, read_preferred_speeds, read_weights
 from fullam.control.box_qp import BoxLeastSquares
-from fullam.control.moment_about import MomentAbout
+from fullam.control.moment_about import MomentAbout, NonFiniteCenter
 from fullam.control.proxqp_referee import ProxQPReferee
 from fullam.exceptions import AllocationFailed, NonFiniteWrench, SettingsError
 from fullam.model.rotors import Rotors
@@ -299,7 +295,7 @@ class Allocator:
             NonFiniteWrench: NaN or infinity, before any solver is touched.
         """
         if not isfinite(sum(wrench_A.tolist())):
-            self._refuse(wrench_A)
+            self._refuse(NonFiniteWrench(wrench_A))
         if self._ladder:
             u = self._K.dot(wrench_A, self.squared)
             if self._has_offset:
@@ -325,12 +321,14 @@ class Allocator:
             The live buffer `squared`, shape (n,).
 
         Raises:
-            NonFiniteWrench: NaN or infinity.
+            NonFiniteWrench: NaN or infinity; `NonFiniteCenter` if the centre is the culprit.
             AllocationFailed: As `solve`.
         """
         wrench, point, moment, asked = wrench_A.tolist(), center.tolist(), self.moment, self.asked
-        if not isfinite(sum(wrench) + sum(point)):
-            self._refuse(wrench_A)
+        if not isfinite(sum(wrench)):
+            self._refuse(NonFiniteWrench(wrench_A))
+        if not isfinite(sum(point)):
+            self._refuse(NonFiniteCenter(wrench_A, center))
         np.copyto(asked, wrench_A)
         if self._ladder:
             u = self._confirm(asked, moment.solve(self._box, wrench, point, asked))
@@ -342,9 +340,9 @@ class Allocator:
             self.counters.unsettled += not moment.settled
         return u
 
-    def _refuse(self, wrench: Array) -> NoReturn:
+    def _refuse(self, error: NonFiniteWrench) -> NoReturn:
         self.counters.refused += 1
-        raise NonFiniteWrench(wrench)
+        raise error
 
     def _confirm(self, wrench: Array, settled: bool) -> Array:
         """Believe the active set if its KKT residual agrees; else go down the ladder."""
@@ -354,6 +352,7 @@ class Allocator:
             self.counters.active_set += 1
             return self._finish("active-set")
         self.counters.unconfirmed += 1
+        box.reset()  # nor is it a start for the next search
         if self._referee.solve(box.linear_term(wrench)):
             return self._accept_referee(wrench)
         np.clip(self._K.dot(wrench, u) + self._k, 0.0, box.upper, out=u)

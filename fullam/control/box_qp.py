@@ -204,16 +204,6 @@ class BoxLeastSquares:
         self._is_warm = False
         self.solution[:] = self.prior
 
-    def start_from(self, status: Status, u: Array) -> None:
-        """Begin the next search at a feasible u, shape (n,), whose held entries are at their bound.
-
-        Args:
-            status: FREE, AT_LOWER or AT_UPPER, shape (n,).
-            u: The point, shape (n,).
-        """
-        self.active = self._set(np.asarray(status, dtype=np.uint8).tobytes())
-        np.clip(u, self.active.least, self.active.most, out=self.solution)
-
     @property
     def status(self) -> Status:
         """Active set of the last search, shape (n,)."""
@@ -224,9 +214,9 @@ class BoxLeastSquares:
 
         The last active set is tried first. If more than a few of its bounds do not fit, the search
         starts from the last solution or from the clipped unconstrained minimiser, whichever costs
-        less; else from the last solution. False means
-        that rounding kept the search from settling: a set came back, or the limit of changes was
-        reached; `solution` is then feasible and the best point found.
+        less; else from the last solution. False means that rounding kept the search from settling:
+        a set came back, or the limit of changes was reached; `solution` is then feasible and the
+        best point found.
         """
         active, u = self.active, self.solution
         z = active.gain.dot(wrench, self._z)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from pinocchio import centerOfMass
@@ -18,7 +20,7 @@ class ControlTick:
 
     This is what runs on a flight computer, and what a simulated flight calls once a period. A
     wrench out of reach is allocated about the vehicle's centre of mass, and the controller is told
-    what it got.
+    what it got. Copies and pickles begin afresh, as those of a controller do.
 
     Attributes:
         controller: The law; call its `reset` before the first tick.
@@ -54,6 +56,10 @@ class ControlTick:
         self._achieved_W, self._missing_W = both_W[:6], both_W[6:]
         self._both_W_rows = both_W.reshape(4, 3)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Made anew around the two: arrays that are views of each other would be copied apart."""
+        return type(self), (self.controller, self.allocator)
+
     def speeds(
         self, t: float, m: Measurement, reference: ReferencePoint, R_thrust: Array | None = None
     ) -> Array:
@@ -67,7 +73,8 @@ class ControlTick:
                 measurement if None.
 
         Raises:
-            NonFiniteWrench: The law returned NaN or infinity.
+            NonFiniteWrench: The law returned NaN or infinity, or (`NonFiniteCenter`) an angle of
+                the arm is not finite.
         """
         command = self.controller.wrench(t, m, reference)
         if command is not self.command:

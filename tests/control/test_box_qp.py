@@ -146,8 +146,9 @@ def test_every_stale_start_leads_to_the_same_minimiser() -> None:
         B = full_rank(rng)
         n = B.shape[1]
         box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n))
-        status = rng.integers(0, 3, n)
-        box.start_from(status, rng.uniform(-0.5, 1.5, n))
+        status = rng.integers(0, 3, n).astype(np.uint8)
+        box.active = box._set(status.tobytes())
+        box.solution[:] = np.clip(rng.uniform(-0.5, 1.5, n), box.active.least, box.active.most)
         np.testing.assert_array_equal(box.status, status)
         assert np.all(box.solution[status == AT_UPPER] == 1.0)
         assert np.all(box.solution[status == AT_LOWER] == 0.0)

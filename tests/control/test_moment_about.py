@@ -209,6 +209,7 @@ def test_when_the_active_set_does_not_answer_the_ladder_goes_on(monkeypatch):
     monkeypatch.setattr(BoxLeastSquares, "solve", lambda *_: False)
     u = allocator.allocate_about(BEYOND, CENTER)  # the set at hand is right, the search is not
     assert allocator.rung == "proxqp"
+    assert not allocator._box.status.any(), "what was not confirmed is no start for the next search"
     np.testing.assert_allclose(allocator.asked, expected, atol=1e-3)
     assert np.linalg.norm(B @ u - allocator.asked) > 1.0
     assert off_fixed_point(allocator, BEYOND, CENTER) < FIXED_POINT_TOLERANCE
@@ -229,8 +230,10 @@ def test_non_finite_input_touches_no_solver(place, monkeypatch):
     both = np.concatenate([BEYOND, CENTER])
     both[place] = np.nan
     allocator = Allocator(load_vehicle("fullam").rotors)
-    with pytest.raises(NonFiniteWrench):
+    with pytest.raises(NonFiniteWrench) as caught:
         allocator.allocate_about(both[:6], both[6:])
+    assert isinstance(caught.value, moment_about.NonFiniteCenter) == (place >= 6)
+    assert ("centre of mass" in str(caught.value)) == (place >= 6)
     assert allocator.counters.refused == 1
 
 

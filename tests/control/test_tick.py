@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.control.moment_about import NonFiniteCenter
 from fullam.control.tick import ControlTick
 from fullam.exceptions import NonFiniteWrench
 from fullam.model.loading import load_vehicle
@@ -129,3 +133,33 @@ def test_nan_does_not_reach_the_rotors(vehicle):
     m.v[0] = np.nan
     with pytest.raises(NonFiniteWrench):
         tick.speeds(0.0, m, ref)
+
+
+def test_an_arm_angle_that_is_not_finite_is_named(vehicle):
+    """Not the wrench of a law without the arm, which is finite."""
+    tick = ControlTick(make_controller("pid", vehicle), Allocator(vehicle.rotors))
+    m, ref = tilted(vehicle, height=40.0)
+    m.q[8] = np.nan
+    with pytest.raises(NonFiniteCenter, match=r"centre of mass \[.*nan.*\] is not finite.*angles"):
+        tick.speeds(0.0, m, ref)
+    assert np.isfinite(tick.wrench_A).all()
+    assert tick.allocator.counters.refused == 1
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda tick: pickle.loads(pickle.dumps(tick))])
+@pytest.mark.parametrize("height", [0.0, 40.0])
+def test_a_copy_commands_for_what_it_is_told(vehicle, copied, height):
+    tick = ControlTick(make_controller("dc-pid", vehicle), Allocator(vehicle.rotors))
+    m, ref = tilted(vehicle)
+    tick.controller.reset(m, ref)
+    tick.speeds(0.0, m, ref)
+    twin = copied(tick)
+    m.q[0], ref.pose[2] = 0.2, height
+    answers = []
+    for one in (tick, twin):
+        one.controller.reset(m, ref)
+        one.allocator.reset()
+        answers.append((one.speeds(0.0, m, ref).copy(), one.wrench_A, one.residual, one.saturated))
+    for one, other in zip(*answers, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert tick.saturated == (height > 0.0)

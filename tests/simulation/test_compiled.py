@@ -2,42 +2,49 @@
 
 from __future__ import annotations
 
-import builtins
+import copy
 import dataclasses
-import importlib
-import sys
-import time
+import pickle
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import fullam
+from fullam.analysis.campaign import fastest_engine
 from fullam.control.controller import Measurement, ReferencePoint, controller_class, make_settings
 from fullam.control.pid import Pid
 from fullam.control.tick import ControlTick
 from fullam.dynamics.multibody import Multibody
-from fullam.exceptions import Diverged, MissingDependency, NonFiniteWrench, SettingsError
+from fullam.exceptions import (
+    Diverged,
+    NonFiniteWrench,
+    SettingsError,
+    VehicleError,
+)
 from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
 from fullam.model.perturbation import Uncertainty, perturb
+from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.simulation.flight import Flight
+from fullam.simulation.flight_plan import divergence
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare, simulate
 
 pytest.importorskip("numba", reason="the compiled engine needs the extra 'fast'")
 
-from fullam.simulation.compiled import arrays, batch, engine, entries, jit
+from fullam.simulation.compiled import arrays, batch, engine, entries
 from fullam.simulation.compiled.arrays import arm_of
 from fullam.simulation.compiled.box_qp import CLIP, CYCLES, UNCONFIRMED, UNSETTLED, U
 from fullam.simulation.compiled.dynamics import chain_rows
 from fullam.simulation.compiled.integrate import POSE, VELOCITY
 from fullam.simulation.compiled.law import INTEGRAL
+from fullam.simulation.compiled.loop import diverged
 from fullam.simulation.compiled.tick import CompiledTick
 
 VEHICLES = ("fullam", "hextilt", "borinot", "quadrotor_arm")
-CONTROLLERS = ("pid", "dc-pid", "backstepping")
+CONTROLLERS = tuple(law.name for law in arrays.LAWS)
 
 STEP_TOLERANCE = 1e-12
 """One step or tick, relative to full scale: rounding, in a different order of operations."""
@@ -57,6 +64,7 @@ def worst(a, b):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_accelerations_are_pinocchios_over_200_states_with_perturbed_inertias(name):
     rng = np.random.default_rng(1)
+    pin.seed(1)
     vehicle = load_vehicle(name)
     for _ in range(200):
         true = perturb(vehicle, Uncertainty(0.3), rng)
@@ -184,17 +192,40 @@ def test_one_tick_to_rounding(vehicle, controller):
     assert not tick.allotment.counters[[CLIP, CYCLES, UNCONFIRMED, UNSETTLED]].any()
 
 
-@pytest.mark.parametrize("place", [0, 5, 8])
-def test_a_tick_refuses_a_measurement_that_is_not_finite(place):
+@pytest.mark.parametrize(("place", "kind"), [(0, "wrench"), (5, "wrench"), (8, "centre of mass")])
+def test_a_tick_refuses_a_measurement_that_is_not_finite(place, kind):
     """An angle of the arm as well, which this law needs for the centre of mass alone."""
     vehicle, far = load_vehicle("fullam"), ReferencePoint()
     far.pose[2] = 40.0
     m = Measurement(vehicle)
     m.q[place] = np.nan
-    with pytest.raises(NonFiniteWrench):
-        CompiledTick(Pid(vehicle), fullam.Allocator(vehicle.rotors)).speeds(m, far)
-    with pytest.raises(NonFiniteWrench):
-        ControlTick(Pid(vehicle), fullam.Allocator(vehicle.rotors)).speeds(0.0, m, far)
+    tick = CompiledTick(Pid(vehicle), fullam.Allocator(vehicle.rotors))
+    reference = ControlTick(Pid(vehicle), fullam.Allocator(vehicle.rotors))
+    errors = []
+    for speeds in (lambda: tick.speeds(m, far), lambda: reference.speeds(0.0, m, far)):
+        with pytest.raises(NonFiniteWrench, match=rf"{kind} \[.*nan.*\] is not finite") as caught:
+            speeds()
+        errors.append(caught.value)
+    assert type(errors[0]) is type(errors[1])
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda tick: pickle.loads(pickle.dumps(tick))])
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_copied_tick_goes_on_as_the_original_does(controller, copied):
+    vehicle, rng = load_vehicle("fullam"), np.random.default_rng(6)
+    law = controller_class(controller)(vehicle)
+    tick = CompiledTick(law, fullam.Allocator(vehicle.rotors))
+    for trial in range(20):
+        tick.speeds(*random_measurement(vehicle, rng, 1.0))
+        twin, inputs = copied(tick), random_measurement(vehicle, rng, (0.05, 1.0)[trial % 2])
+        assert (twin.saturated, twin.memory.tobytes()) == (tick.saturated, tick.memory.tobytes())
+        kept = twin.speeds(*random_measurement(vehicle, rng, 1.0)).copy()
+        twin = copied(tick)
+        mine, copys = tick.speeds(*inputs), twin.speeds(*inputs)
+        np.testing.assert_array_equal(mine, copys)
+        assert np.abs(kept - mine).max() > 1.0, "the copy's arrays are its own"
+        np.testing.assert_array_equal(tick.wrench_A, twin.wrench_A)
+        np.testing.assert_array_equal(tick.allotment.counters, twin.allotment.counters)
 
 
 def test_one_plant_step_to_rounding():
@@ -211,36 +242,6 @@ def test_one_plant_step_to_rounding():
         entries.step(*job.craft, job.tables.arm, row, job.state, job.speeds, gust[None])
         assert worst(reference.q[:7], job.state[POSE]) < STEP_TOLERANCE
         assert worst(reference.v[:6], job.state[VELOCITY, :6]) < STEP_TOLERANCE
-
-
-def test_saturated_allocations_are_the_reference_allocators():
-    vehicle, rng = load_vehicle("fullam"), np.random.default_rng(2)
-    allocator = fullam.Allocator(vehicle.rotors)
-    tick = CompiledTick(Pid(vehicle), allocator)
-    scale = vehicle.rotors.normalized_coupling.sum(axis=1)
-    largest = np.abs(vehicle.rotors.normalized_coupling).sum(axis=1)
-    saturated = 0
-    for _ in range(2000):
-        wrench = 0.3 * scale + 0.4 * largest * rng.normal(size=6)
-        u, out_of_reach = tick.allocate(wrench)
-        expected = allocator.solve(wrench)
-        saturated += expected.saturated
-        assert out_of_reach == expected.saturated
-        assert np.abs(u - expected.squared).max() < FLIGHT_TOLERANCE
-    assert saturated > 1000
-    assert not tick.allotment.counters[[CLIP, CYCLES, UNCONFIRMED]].any()
-
-
-def test_the_clip_answers_when_nothing_else_does():
-    vehicle = load_vehicle("fullam")
-    tick = CompiledTick(Pid(vehicle), fullam.Allocator(vehicle.rotors))
-    # A search that may not change its active set once cannot settle.
-    tick.allotment = tick.allotment._replace(minimisers=np.zeros(0, dtype=np.int64))
-    u, out_of_reach = tick.allocate(np.array([0.0, 0.0, 1e4, 0.0, 0.0, 0.0]))
-    assert out_of_reach
-    assert u.min() >= 0.0
-    assert u.max() <= 1.0
-    assert tick.allotment.counters[CLIP] == 1
 
 
 def test_stretches_and_progress_change_nothing():
@@ -270,6 +271,37 @@ def test_divergence_is_the_reference_engines():
         errors.append(caught.value)
     assert errors[0].reason == errors[1].reason
     assert len(errors[0].run) == len(errors[1].run)
+    # And so is that of a batch.
+    flown = batch.Batch(prepare("task-1", settings=falling)).fly(0)
+    assert flown.diverged
+    assert flown.run().metadata["reason"] == errors[1].reason
+    assert len(flown.run()) == len(errors[1].run)
+
+
+def test_divergence_before_the_first_tick():
+    """At row 0, where there is nothing in the log but the start."""
+    plan = prepare("task-1")
+    pose = plan.reference.pose + 1e3 * np.eye(7)[2]
+    plan = dataclasses.replace(plan, reference=dataclasses.replace(plan.reference, pose=pose))
+    reference, compiled = both(plan)
+    assert (reference.outcome, len(reference)) == ("diverged", 0)
+    check_same(reference, compiled, FLIGHT_TOLERANCE)
+    assert compiled.metadata["reason"] == reference.metadata["reason"]
+    flown = batch.Batch(plan).fly(plan.seed)
+    assert flown.diverged
+    assert flown.run().metadata == compiled.metadata
+
+
+@pytest.mark.parametrize("place", range(7))
+def test_a_pose_that_is_not_finite_is_out_of_the_bounds_of_sense(place):
+    """The attitude alone as well: for numba min(1.0, nan) is 1.0, an attitude that is right."""
+    plan = prepare("task-1", calm=True)
+    job = arrays.job_of(plan)
+    job.state[POSE] = plan.reference.pose[0]
+    assert not diverged(job.rules, job.state, job.tables.target, 0)
+    job.state[POSE, place] = np.nan
+    assert diverged(job.rules, job.state, job.tables.target, 0)
+    assert divergence(plan, 0, job.state[POSE])
 
 
 def test_a_wrench_that_is_not_finite_is_refused():
@@ -278,17 +310,6 @@ def test_a_wrench_that_is_not_finite_is_refused():
     job.law.numbers[:] = np.nan
     with pytest.raises(NonFiniteWrench):
         engine.fly_job(plan, job)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_is_the_single_flights(threads, monkeypatch):
-    monkeypatch.setattr(batch, "TOGETHER", 2)
-    plan = prepare("task-2", seed=99)
-    for flown in batch.fly_seeds(plan, range(5), threads):
-        run, single = flown.run(), simulate("task-2", seed=flown.plan.seed, engine="compiled")
-        assert run.metadata == single.metadata
-        for name, column in single.columns.items():
-            assert np.array_equal(column, run.columns[name]), name
 
 
 @pytest.mark.parametrize(
@@ -305,35 +326,15 @@ def test_what_is_not_covered_is_named(controller, changes, names):
     assert "reference" in str(caught.value)
 
 
-def test_without_numba_the_error_says_what_to_install(monkeypatch):
-    real = builtins.__import__
-
-    def blocked(name, *rest):
-        if name == "numba":
-            raise ImportError(name)
-        return real(name, *rest)
-
-    for module in [m for m in sys.modules if m.startswith("fullam.simulation.compiled.")]:
-        monkeypatch.delitem(sys.modules, module)
-    monkeypatch.delattr(importlib.import_module("fullam.simulation.compiled"), "engine")
-    monkeypatch.setattr(builtins, "__import__", blocked)
-    with pytest.raises(MissingDependency, match=r"fullam\[fast\]"):
-        simulate("task-1", engine="compiled")
-
-
-def test_compiling_is_announced(caplog, monkeypatch):
-    monkeypatch.setattr(jit, "ANNOUNCE_AFTER", 0.0)
-
-    class Slow:
-        signatures = ()
-        stats = entries.fly.stats._replace(cache_misses={"x": 1})
-
-    with jit.announced("a thing", Slow()):
-        time.sleep(0.05)
-    text = caplog.text
-    assert "compiling a thing" in text
-    assert "kept in" in text
-
-
-def test_the_machine_code_on_disk_is_keyed_by_all_sources():
-    assert jit.sources() in [c.cell_contents for c in entries.fly.py_func.__closure__]
+def test_the_fastest_engine_for_a_prismatic_arm_is_the_reference():
+    """It is installed, but covers revolute joints alone; told before anything flies."""
+    vehicle = load_vehicle("fullam")
+    robot = vehicle.urdf
+    urdf = robot.replace('type="revolute"', 'type="prismatic"', 1)
+    assert urdf != robot
+    sliding = Vehicle.from_definition(vehicle.definition, urdf)
+    plan, usual = (prepare("task-1", "pid", vehicle=one) for one in (sliding, vehicle))
+    assert fastest_engine([usual]) == "compiled"
+    assert fastest_engine([usual, plan]) == "reference"
+    with pytest.raises(VehicleError, match="must be revolute"):
+        arrays.check(plan)

@@ -12,14 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.allocation import KKT_TOLERANCE
+from fullam.control.box_qp import FREE
 from fullam.simulation.compiled.box_qp import (
     ACTIVE_SET,
     CLIP,
     EXACT,
     GAIN,
     OFFSET,
+    PRIOR,
     RESIDUAL,
     SOLUTION,
+    STATUS,
     TOLERANCE_SQUARED,
     UNCONFIRMED,
     UPPER,
@@ -42,7 +45,8 @@ class Allotment(NamedTuple):
     Attributes:
         box: Shape (n, BOX_WIDTH).
         scales: Shape (SCALES,).
-        keys: Code of the active set in each slot of the table, -1 when empty, shape (slots,).
+        keys: Code of the active set in each slot of the table, -1 when empty, and how many there
+            are, shape (slots + 1,).
         maps: Map of each slot, shape (slots (n + 3), 7): minimiser or multipliers, z = gain w +
             offset, and below them B_f u - F in the same way, as in `fullam.control.moment_about`.
         unknowns: Shape (4, n).
@@ -77,8 +81,10 @@ def exact(box, unknowns, sixes, counters):
 
 
 @compiled
-def confirm(box, scales, unknowns, sixes, counters, settled):
+def confirm(box, scales, unknowns, sixes, sets, counters, settled):
     """Believe the answer of a search if its KKT residual agrees, else clip; into row U.
+
+    An answer that is not believed is no start for the next search either.
 
     Returns:
         Whether bounds cost wrench, and whether the answer was believed.
@@ -94,13 +100,15 @@ def confirm(box, scales, unknowns, sixes, counters, settled):
         for i in range(box.shape[0]):
             u = inner(box, i, GAIN, sixes, WANTED) + box[i, OFFSET]
             unknowns[U, i] = min(max(u, 0.0), box[i, UPPER])
+            unknowns[SOLUTION, i] = box[i, PRIOR]
+            sets[STATUS, i] = FREE
         weighted_residual(box, scales, unknowns, U, sixes)
         counters[UNCONFIRMED] += 1
         counters[CLIP] += 1
     square = 0.0
     for j in range(6):
         square += sixes[RESIDUAL, j] * sixes[RESIDUAL, j]
-    return square > scales[TOLERANCE_SQUARED], settled
+    return not square <= scales[TOLERANCE_SQUARED], settled
 
 
 @compiled
@@ -112,7 +120,7 @@ def allocate(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counter
     if exact(box, unknowns, sixes, counters):
         return False
     settled = solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters)
-    return confirm(box, scales, unknowns, sixes, counters, settled)[0]
+    return confirm(box, scales, unknowns, sixes, sets, counters, settled)[0]
 
 
 @merged

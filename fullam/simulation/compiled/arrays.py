@@ -68,13 +68,16 @@ def check(plan: FlightPlan) -> None:
     if plan.simulation.integrator not in RULES:
         raise refuse("integrator", plan.simulation.integrator, RULES)
     check_rotors(plan.nominal)
+    LinkChain.from_model(plan.nominal.model)
 
 
 def check_rotors(vehicle: Vehicle) -> None:
     """Refuse more rotors than a word has bits for."""
     if vehicle.rotors.count > MOST_ROTORS:
         raise refuse(
-            "rotors", f"{vehicle.name}: {vehicle.rotors.count}", [f"vehicles of {MOST_ROTORS}"]
+            "rotors",
+            f"{vehicle.name}: {vehicle.rotors.count}",
+            [f"vehicles of up to {MOST_ROTORS} rotors"],
         )
 
 
@@ -175,7 +178,7 @@ def fresh_allotment(box: Array, scales: Array) -> Allotment:
     allotment = Allotment(
         box,
         scales,
-        np.full(SLOTS, -1, dtype=np.int64),
+        np.append(np.full(SLOTS, -1, dtype=np.int64), 0),
         np.zeros((SLOTS * (n + FORCE_ROWS), 7)),
         np.zeros((4, n)),
         np.zeros((2, 6)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from fullam.control.backstepping import SMALL_ANGLE
 from fullam.simulation.compiled.dynamics import composite, rigid_bias, rigid_inertia, solve_rigid
 from fullam.simulation.compiled.integrate import TOLD_VELOCITY
 from fullam.simulation.compiled.jit import compiled, merged
@@ -34,7 +35,7 @@ from fullam.simulation.compiled.rotations import (
     write,
 )
 
-SMALL_SQUARE = 1e-6
+SMALL_SQUARE = SMALL_ANGLE**2
 """Squared angle below which the series of the reference are used."""
 
 

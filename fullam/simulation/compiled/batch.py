@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.exceptions import NonFiniteWrench
 from fullam.model.chain import LinkChain
 from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.arrays import (
@@ -26,14 +25,15 @@ from fullam.simulation.compiled.arrays import (
     start_afresh,
 )
 from fullam.simulation.compiled.dynamics import chain_rows, with_bodies, z_frames
-from fullam.simulation.compiled.engine import NAME
+from fullam.simulation.compiled.engine import ended
 from fullam.simulation.compiled.entries import fly
 from fullam.simulation.compiled.integrate import ASKED
 from fullam.simulation.compiled.jit import announced
-from fullam.simulation.compiled.loop import DIVERGED, NOT_FINITE, Job
-from fullam.simulation.flight import finish
-from fullam.simulation.flight_plan import FlightPlan, divergence
+from fullam.simulation.compiled.loop import DIVERGED, Job
+from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.run import Run, allocate_columns
+
+Array = NDArray[np.float64]
 
 TOGETHER = 8
 """Flights that are prepared at a time."""
@@ -50,20 +50,29 @@ class Flown:
         plan: What was flown.
         columns: The log, velocities in body axes; see `fullam.simulation.flight.finish`.
         rows: How many rows of it are written.
-        diverged: Whether the flight left the bounds of sense.
+        ending: How the flight ended: DIVERGED, NOT_FINITE, or FLYING to the end; see `loop`.
+        asked: The wrench asked for last, shape (6,).
     """
 
     plan: FlightPlan
     columns: dict[str, NDArray[Any]]
     rows: int
-    diverged: bool
+    ending: int
+    asked: Array
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the flight left the bounds of sense."""
+        return self.ending == DIVERGED
 
     def run(self) -> Run:
-        """The run, as `simulate(..., engine="compiled")` returns it."""
-        if not self.diverged:
-            return finish(self.plan, self.columns, self.rows, "completed", "", NAME)
-        reason = divergence(self.plan, self.rows, self.columns["pose"][self.rows])
-        return finish(self.plan, self.columns, self.rows, "diverged", reason or "", NAME)
+        """The run, as `simulate(..., engine="compiled")` returns it.
+
+        Raises:
+            NonFiniteWrench: The controller returned NaN or infinity. Raised here and not when it
+                flew, so that the flights beside it are not lost.
+        """
+        return ended(self.plan, self.columns, self.rows, self.ending, self.asked)
 
 
 class Batch:
@@ -90,11 +99,7 @@ class Batch:
         self._local = threading.local()
 
     def fly(self, seed: int) -> Flown:
-        """Fly one seed.
-
-        Raises:
-            NonFiniteWrench: The controller returned NaN or infinity.
-        """
+        """Fly one seed."""
         return self._fly(*self._prepare(seed))
 
     def fly_some(self, seeds: Iterable[int]) -> list[Flown]:
@@ -130,9 +135,7 @@ class Batch:
         columns = allocate_columns(total, plan.nominal.n_arm, plan.nominal.rotors.count)
         with announced("the flight loop", fly):
             rows, ending = fly(job, log_of(columns), 0, total, total - 1)
-        if ending == NOT_FINITE:
-            raise NonFiniteWrench(np.array(job.state[ASKED, :6]))
-        return Flown(plan, columns, rows, ending == DIVERGED)
+        return Flown(plan, columns, rows, ending, job.state[ASKED, :6])
 
     def _allotment(self) -> Allotment:
         """The allocation of this thread, as before a flight; its maps of active sets stay."""
@@ -147,6 +150,8 @@ class Batch:
 def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Iterator[Flown]:
     """Fly one plan under many seeds; yields the flights in the order of the seeds.
 
+    Close the generator to stop early: flights that are in the air then land, no others start.
+
     Args:
         plan: The plan of any seed.
         seeds: The seeds to fly.
@@ -154,7 +159,6 @@ def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Itera
 
     Raises:
         SettingsError, VehicleError: As in `Batch`.
-        NonFiniteWrench: The controller returned NaN or infinity.
     """
     batch, remaining = Batch(plan), iter(seeds)
     if threads <= 1:
@@ -169,9 +173,12 @@ def fly_seeds(plan: FlightPlan, seeds: Iterable[int], threads: int = 1) -> Itera
             if some := list(itertools.islice(remaining, TOGETHER)):
                 waiting.append(pool.submit(batch.fly_some, some))
 
-        for _ in range(AHEAD * threads):
-            enqueue()
-        while waiting:
-            flown = waiting.popleft().result()
-            enqueue()
-            yield from flown
+        try:
+            for _ in range(AHEAD * threads):
+                enqueue()
+            while waiting:
+                flown = waiting.popleft().result()
+                enqueue()
+                yield from flown
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)

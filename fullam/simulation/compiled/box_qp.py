@@ -1,7 +1,9 @@
 """The box problem and its warm active set; `fullam.control.box_qp` is the reference.
 
-The problem, the search and every tolerance are that module's. The maps of the active sets are
-computed when first met and kept in a table.
+The problem, its primal search and every tolerance are that module's. One start of the search is
+not: where few bounds do not fit the reference goes on from the last solution at once (its
+FEW_MISFITS), this one asks the clipped minimiser first every time. Both end at the same answer. The
+maps of the active sets are computed when first met and kept in a table.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from fullam.control.box_qp import (
 from fullam.simulation.compiled.jit import compiled
 
 SWEEPS = 30
-"""Sweeps of the Jacobi method at most; six settle it."""
+"""Sweeps of the Jacobi method at most; ten settle it, see the tests."""
 
 GAIN, OFFSET, B, A, PRIOR, UPPER, DIAGONAL, MAX_SPEED, BOX_WIDTH = 0, 6, 7, 13, 19, 20, 21, 22, 23
 """Columns of a row of `box`, one row a rotor: unconstrained minimiser u = K w + k (6 + 1), column
@@ -42,12 +44,10 @@ WANTED, RESIDUAL = 0, 1
 STATUS, TRIAL = 0, 1
 """Rows of `sets`, shape (2, n): active set of the last search, and on trial."""
 
-EXACT, ACTIVE_SET, CLIP, PIVOTS, CYCLES, UNCONFIRMED, UNSETTLED, ROUNDS, STORED, N_COUNTERS = range(
-    10
-)
-"""Entries of `counters`: allocations by rung; changes of the active set; searches that met a set
-twice; answers that did not settle or failed their check; answers about a centre that are no fixed
-point, and rounds of all of them; maps in the table."""
+EXACT, ACTIVE_SET, CLIP, PIVOTS, CYCLES, UNCONFIRMED, UNSETTLED, ROUNDS, N_COUNTERS = range(9)
+"""Entries of `counters`, which nothing but the reader looks at: allocations by rung; changes of the
+active set; searches that met a set twice; answers that did not settle or failed their check;
+answers about a centre that are no fixed point, and rounds of all of them."""
 
 FORCE_ROWS = 3
 """Rows of a map that give the force."""
@@ -72,16 +72,20 @@ def code_of(sets, row):
 
 
 @compiled
-def rows_of(box, scales, keys, maps, sets, row, counters):
-    """First row of an active set's map, computed if it is not there; a full table is emptied."""
-    code, slots = code_of(sets, row), keys.size
+def rows_of(box, scales, keys, maps, sets, row):
+    """First row of an active set's map, computed if it is not there; a full table is emptied.
+
+    The last entry of `keys` counts the maps.
+    """
+    code, slots = code_of(sets, row), keys.size - 1
     slot = (code * 0x9E3779B1 >> 7) % slots
     while keys[slot] != code:
         if keys[slot] < 0:
-            if 2 * counters[STORED] >= slots:
-                keys[:] = -1
-                counters[STORED] = 0
-            counters[STORED] += 1
+            if 2 * keys[slots] >= slots:
+                for i in range(slots):
+                    keys[i] = -1
+                keys[slots] = 0
+            keys[slots] += 1
             keys[slot] = code
             active_set_map(box, scales, sets, row, maps, slot * (box.shape[0] + FORCE_ROWS))
             break
@@ -90,13 +94,23 @@ def rows_of(box, scales, keys, maps, sets, row, counters):
 
 
 @compiled
-def orthogonalise(M, V):
+def orthogonalise(M, V, null):
     """One-sided Jacobi: M V with orthogonal columns, in place; V, shape (6, 6), starts as 1.
 
     With M = A^T the columns of V are the left singular vectors of A, all six of them, those of the
-    columns of M V are its singular values, and their directions its right ones.
+    columns of M V are its singular values, and their directions its right ones. Two columns are
+    orthogonal at a cosine of 1e-15: asked for 1e-16, which is rounding, some pairs never are.
+
+    Args:
+        M: Shape (n, 6).
+        V: Shape (6, 6).
+        null: Square below which a column is rounding. Such columns are left alone, since turning
+            rounding against rounding comes to no end.
+
+    Returns:
+        Sweeps taken.
     """
-    for _ in range(SWEEPS):
+    for sweep in range(SWEEPS):
         turned = False
         for i in range(5):
             for j in range(i + 1, 6):
@@ -105,7 +119,7 @@ def orthogonalise(M, V):
                     a += M[k, i] * M[k, i]
                     b += M[k, j] * M[k, j]
                     c += M[k, i] * M[k, j]
-                if c * c <= 1e-32 * a * b or c == 0.0:
+                if a <= null or b <= null or c * c <= 1e-30 * a * b:
                     continue
                 turned = True
                 ratio = (b - a) / (2.0 * c)
@@ -121,7 +135,8 @@ def orthogonalise(M, V):
                     x, y = V[k, i], V[k, j]
                     V[k, i], V[k, j] = cosine * x - sine * y, sine * x + cosine * y
         if not turned:
-            break
+            return sweep + 1
+    return SWEEPS
 
 
 @compiled
@@ -129,6 +144,9 @@ def active_set_map(box, scales, sets, row, maps, start):
     """Write the map of an active set to `maps`, from row `start` on.
 
     See `fullam.control.box_qp.active_set_map`; the weights go into the gain, as there.
+
+    Returns:
+        Sweeps that its singular values took.
     """
     eps, n, square = scales[EPS], box.shape[0], 0.0
     M, V, c = np.zeros((n, 6)), np.zeros((6, 6)), np.zeros(6)
@@ -142,8 +160,8 @@ def active_set_map(box, scales, sets, row, maps, start):
                 c[k] += a * box[i, PRIOR]
             elif status == AT_UPPER:
                 c[k] += a * box[i, UPPER]
-    orthogonalise(M, V)
     cutoff = NULL_CUTOFF * NULL_CUTOFF * square
+    sweeps = orthogonalise(M, V, cutoff)
     left, right = np.ones(6), np.zeros(6)
     for k in range(6):
         square = 0.0
@@ -181,6 +199,7 @@ def active_set_map(box, scales, sets, row, maps, start):
                     maps[start + n + k, j] += box[i, B + k] * maps[start + i, j]
             elif sets[row, i] == AT_UPPER:
                 maps[start + n + k, 6] += box[i, B + k] * box[i, UPPER]
+    return sweeps
 
 
 @compiled
@@ -209,14 +228,21 @@ def objective(box, scales, unknowns, row, sixes):
 
 @compiled
 def kkt_residual(box, scales, unknowns, row, sixes):
-    """Largest entry of u - clip(u - grad f / diag H, 0, u_max); fills the weighted residual."""
+    """Largest entry of u - clip(u - grad f / diag H, 0, u_max); fills the weighted residual.
+
+    NaN if any entry is: `max` would drop it, and the answer would be believed.
+    """
     weighted_residual(box, scales, unknowns, row, sixes)
     worst = 0.0
     for i in range(box.shape[0]):
         u = unknowns[row, i]
         slope = scales[EPS] * (u - box[i, PRIOR]) + inner(box, i, A, sixes, RESIDUAL)
         moved = min(max(u - slope / box[i, DIAGONAL], 0.0), box[i, UPPER])
-        worst = max(worst, abs(u - moved))
+        step = abs(u - moved)
+        if not step <= worst:
+            worst = step
+            if math.isnan(worst):
+                break
     return worst
 
 
@@ -224,7 +250,7 @@ def kkt_residual(box, scales, unknowns, row, sixes):
 def solve_box(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
     """Find the minimiser, into row SOLUTION; see `BoxLeastSquares.solve`. True if it holds it."""
     n = box.shape[0]
-    start, fits = rows_of(box, scales, keys, maps, sets, STATUS, counters), True
+    start, fits = rows_of(box, scales, keys, maps, sets, STATUS), True
     for i in range(n):
         z, status = inner(maps, start + i, 0, sixes, WANTED) + maps[start + i, 6], sets[STATUS, i]
         unknowns[Z, i] = z
@@ -263,7 +289,7 @@ def pivot(box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters):
     """Primal active set from a feasible point; see `BoxLeastSquares._search`."""
     n, known = box.shape[0], 0
     for _ in range(minimisers.size):
-        start = rows_of(box, scales, keys, maps, sets, TRIAL, counters)
+        start = rows_of(box, scales, keys, maps, sets, TRIAL)
         share, blocking, worst, leaving = 1.0, -1, -MULTIPLIER_TOLERANCE, -1
         for i in range(n):
             z, u = (

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fullam.exceptions import NonFiniteWrench
 from fullam.simulation.compiled.arrays import job_of, log_of
@@ -13,6 +17,8 @@ from fullam.simulation.compiled.loop import DIVERGED, FLYING, NOT_FINITE, Job
 from fullam.simulation.flight import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.run import Run, allocate_columns
+
+Array = NDArray[np.float64]
 
 NAME = "compiled"
 """What the run's metadata calls this engine."""
@@ -48,9 +54,27 @@ def fly_job(plan: FlightPlan, job: Job, progress: Progress | None = None) -> Run
             k, ending = fly_compiled(job, log, k, min(k + stride, total), total - 1)
             if progress is not None:
                 progress(k, total)
+    return ended(plan, columns, k, ending, job.state[ASKED, :6])
+
+
+def ended(
+    plan: FlightPlan, columns: dict[str, NDArray[Any]], rows: int, ending: int, asked: Array
+) -> Run:
+    """The run of a flight that has ended.
+
+    Args:
+        plan: What was flown.
+        columns: The log, velocities in body axes; see `fullam.simulation.flight.finish`.
+        rows: How many rows of it are written.
+        ending: How it ended, as `loop.fly` says.
+        asked: The wrench asked for last, shape (6,).
+
+    Raises:
+        NonFiniteWrench: The controller returned NaN or infinity.
+    """
     if ending == NOT_FINITE:
-        raise NonFiniteWrench(job.state[ASKED, :6].copy())
+        raise NonFiniteWrench(asked.copy())
     if ending == DIVERGED:
-        reason = divergence(plan, k, columns["pose"][k])
-        return finish(plan, columns, k, "diverged", reason or "", NAME)
-    return finish(plan, columns, k, "completed", "", NAME)
+        reason = divergence(plan, rows, columns["pose"][rows])
+        return finish(plan, columns, rows, "diverged", reason or "", NAME)
+    return finish(plan, columns, rows, "completed", "", NAME)

@@ -11,7 +11,7 @@ from typing import Any
 
 from fullam.simulation.compiled import loop
 from fullam.simulation.compiled.allocation import achieved, allocate, exact
-from fullam.simulation.compiled.box_qp import MAX_SPEED, WANTED, U
+from fullam.simulation.compiled.box_qp import MAX_SPEED, RESIDUAL, WANTED, U
 from fullam.simulation.compiled.dynamics import composite, place_arm, platform_acceleration
 from fullam.simulation.compiled.integrate import (
     COMMANDS,
@@ -33,8 +33,8 @@ from fullam.simulation.compiled.rotations import (
     write,
 )
 
-IN_REACH, OUT_OF_REACH, NOT_FINITE = 0, 1, 2
-"""What a tick says of its wrench."""
+IN_REACH, OUT_OF_REACH, NOT_FINITE, NO_CENTER = range(4)
+"""What a tick says of its wrench, and of a centre of mass that is not finite."""
 
 
 def _build(digest: str) -> tuple[Any, ...]:
@@ -73,7 +73,7 @@ def _build(digest: str) -> tuple[Any, ...]:
         end. Arrays come one by one, because numba looks at a tuple of them for 10 us.
 
         Returns:
-            IN_REACH, OUT_OF_REACH or NOT_FINITE.
+            IN_REACH, OUT_OF_REACH, NOT_FINITE, or NO_CENTER with the centre in row RESIDUAL.
         """
         version = digest  # noqa: F841
         n = links.shape[0] - 1
@@ -99,7 +99,8 @@ def _build(digest: str) -> tuple[Any, ...]:
             m, s, _ = composite(links, arm, 0)
             center = scale(1.0 / m, s)
             if not math.isfinite(center[0] + center[1] + center[2]):
-                return NOT_FINITE
+                write(sixes, RESIDUAL, 0, center)
+                return NO_CENTER
             saturated = allocate_about(
                 box, scales, keys, maps, unknowns, sixes, sets, minimisers, counters, state, center
             )

@@ -26,6 +26,9 @@ logger = logging.getLogger(__name__)
 ANNOUNCE_AFTER = 2.0
 """Loading machine code from disk takes below this [s]; compiling it takes longer."""
 
+CONSTANTS_FROM = ("allocation", "backstepping", "box_qp", "moment_about")
+"""Modules of `fullam.control` whose constants are part of the machine code."""
+
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """No global lock, so that threads fly side by side; division by zero gives infinity."""
 
@@ -55,11 +58,18 @@ def entry(function: Callable[..., Any]) -> Any:
 
 
 def sources() -> str:
-    """Digest of the sources of this package."""
+    """Digest of all that the machine code is made of."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in source_files():
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def source_files() -> list[Path]:
+    """The sources of this package, and of the constants that it takes from elsewhere."""
+    here = Path(__file__).parent
+    control = here.parents[1] / "control"
+    return [*sorted(here.glob("*.py")), *(control / f"{name}.py" for name in CONSTANTS_FROM)]
 
 
 @contextmanager

@@ -166,7 +166,9 @@ def diverged(rules, state, target, k):
         square += rules[AXES + i] * (state[POSE, i] - target[k, i]) ** 2
     for i in range(3, 7):
         cosine += state[POSE, i] * target[k, i]
-    angle = 2.0 * math.acos(min(1.0, abs(cosine)))
+    cosine = abs(cosine)
+    # Not min(1.0, cosine), which is 1.0 for NaN.
+    angle = 0.0 if cosine >= 1.0 else 2.0 * math.acos(cosine)
     return not (math.sqrt(square) <= rules[MAX_DISTANCE] and angle <= rules[MAX_ANGLE])
 
 

@@ -86,7 +86,7 @@ def allocate_about(
         counters[ROUNDS] += 1
         determinant, m = 0.0, (0.0, 0.0, 0.0)
         if active != before:
-            first = rows_of(box, scales, keys, maps, sets, STATUS, counters) + box.shape[0]
+            first = rows_of(box, scales, keys, maps, sets, STATUS) + box.shape[0]
             determinant, m = newton_step(maps, first, state, center)
         newton = determinant >= LEAST_DETERMINANT
         if not newton:
@@ -98,7 +98,7 @@ def allocate_about(
         if settled or not solved:
             break
         before, last, active = last, active, reached
-    short, believed = confirm(box, scales, unknowns, sixes, counters, solved)
+    short, believed = confirm(box, scales, unknowns, sixes, sets, counters, solved)
     if not (settled and believed):
         write(sixes, WANTED, 3, corrected(box, unknowns, U, state, center))
         counters[UNSETTLED] += 1
