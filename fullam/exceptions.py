@@ -114,6 +114,24 @@ class NonFiniteWrench(FullamError):
         )
 
 
+class NonFiniteCenter(NonFiniteWrench):
+    """A centre of mass with NaN or infinity: no moment about it is finite.
+
+    Attributes:
+        wrench: The wrench that was to be allocated about it, force [N] then moment [N m].
+        center: The offending centre in {A} [m].
+    """
+
+    def __init__(self, wrench: Any, center: Any) -> None:
+        """Keep both; the message shows the centre, which is the culprit."""
+        self.wrench, self.center = wrench, center
+        FullamError.__init__(
+            self,
+            f"centre of mass {[float(x) for x in center]} is not finite; check the arm angles of "
+            "the measurement.",
+        )
+
+
 class AllocationFailed(FullamError):
     """A solver that stopped without an answer; it carries the problem and the status.
 

@@ -26,6 +26,7 @@ EXAMPLES = {
     exceptions.CampaignError: INPUT,
     exceptions.NotFullyActuated: ("quadrotor", 4, 6, "tilt the rotors"),
     exceptions.NonFiniteWrench: (np.array([np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]),),
+    exceptions.NonFiniteCenter: (np.ones(6), np.array([np.nan, 0.0, 0.0])),
     exceptions.AllocationFailed: (np.ones(6), "MAX_ITER", {"H": np.eye(2), "g": np.zeros(2)}),
     exceptions.Diverged: ({"t": np.arange(3.0)}, "at t = 1 s the platform is 9 m away"),
     BrowserError: ("the browser said nothing",),

@@ -28,9 +28,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fullam.control.allocation_request import read_axes, read_preferred_speeds, read_weights
 from fullam.control.box_qp import BoxLeastSquares
-from fullam.control.moment_about import MomentAbout, NonFiniteCenter
+from fullam.control.moment_about import MomentAbout
 from fullam.control.proxqp_referee import ProxQPReferee
-from fullam.exceptions import AllocationFailed, NonFiniteWrench, SettingsError
+from fullam.exceptions import AllocationFailed, NonFiniteCenter, NonFiniteWrench, SettingsError
 from fullam.model.rotors import Rotors
 from fullam.model.wrench_axes import full_scale, require_rank
 

@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.box_qp import FREE, LARGEST_STORE, ActiveSet, BoxLeastSquares
-from fullam.exceptions import FullamError, NonFiniteWrench
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -43,24 +42,6 @@ SETTLED_MOMENT = 1e-3
 
 LEAST_DETERMINANT = 0.01
 """Least det(1 - [c]x Q) with which (C2) is solved; it is 1 for c = 0."""
-
-
-class NonFiniteCenter(NonFiniteWrench):
-    """A centre of mass with NaN or infinity: no moment about it is finite.
-
-    Attributes:
-        wrench: The wrench that was to be allocated about it, force [N] then moment [N m].
-        center: The offending centre in {A} [m].
-    """
-
-    def __init__(self, wrench: Array, center: Array) -> None:
-        """Keep both; the message shows the centre, which is the culprit."""
-        self.wrench, self.center = wrench, center
-        FullamError.__init__(
-            self,
-            f"centre of mass {[float(x) for x in center]} is not finite; check the arm angles of "
-            "the measurement.",
-        )
 
 
 class MomentAbout:

@@ -12,7 +12,7 @@ import pytest
 from fullam.control import moment_about, proxqp_referee
 from fullam.control.allocation import Allocator
 from fullam.control.box_qp import BoxLeastSquares
-from fullam.exceptions import NonFiniteWrench
+from fullam.exceptions import NonFiniteCenter, NonFiniteWrench
 from fullam.model.loading import load_vehicle
 
 FIXED_POINT_TOLERANCE = 1e-9
@@ -232,7 +232,7 @@ def test_non_finite_input_touches_no_solver(place, monkeypatch):
     allocator = Allocator(load_vehicle("fullam").rotors)
     with pytest.raises(NonFiniteWrench) as caught:
         allocator.allocate_about(both[:6], both[6:])
-    assert isinstance(caught.value, moment_about.NonFiniteCenter) == (place >= 6)
+    assert isinstance(caught.value, NonFiniteCenter) == (place >= 6)
     assert ("centre of mass" in str(caught.value)) == (place >= 6)
     assert allocator.counters.refused == 1
 

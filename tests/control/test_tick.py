@@ -11,9 +11,8 @@ import pytest
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Measurement, ReferencePoint, make_controller
-from fullam.control.moment_about import NonFiniteCenter
 from fullam.control.tick import ControlTick
-from fullam.exceptions import NonFiniteWrench
+from fullam.exceptions import NonFiniteCenter, NonFiniteWrench
 from fullam.model.loading import load_vehicle
 
 ROUNDING = 1e-10

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,15 +15,13 @@ from fullam.simulation.compiled.jit import announced
 from fullam.simulation.compiled.loop import DIVERGED, FLYING, NOT_FINITE, Job
 from fullam.simulation.flight import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
+from fullam.simulation.progress import Progress
 from fullam.simulation.run import Run, allocate_columns
 
 Array = NDArray[np.float64]
 
 NAME = "compiled"
 """What the run's metadata calls this engine."""
-
-Progress = Callable[[int, int], None]
-"""Called with (ticks flown, ticks in all) now and then."""
 
 
 def fly(plan: FlightPlan, progress: Progress | None = None) -> Run:

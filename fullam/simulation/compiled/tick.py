@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint
-from fullam.control.moment_about import NonFiniteCenter
-from fullam.exceptions import NonFiniteWrench
+from fullam.exceptions import NonFiniteCenter, NonFiniteWrench
 from fullam.simulation.compiled.allocation import Allotment
 from fullam.simulation.compiled.arrays import (
     LAWS,
