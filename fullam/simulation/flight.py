@@ -27,7 +27,7 @@ from fullam.simulation.flight_plan import (
     make_estimator,
 )
 from fullam.simulation.plant import Plant
-from fullam.simulation.run import FORMAT, Run, allocate_columns
+from fullam.simulation.run import COLUMNS, FORMAT, Run, allocate_columns
 from fullam.simulation.sensors import Sensors
 
 Array = NDArray[np.float64]
@@ -208,8 +208,7 @@ def finish(
 
     Args:
         plan: What was flown.
-        log: Columns, of which pose, velocity, measured_pose, measured_velocity (body axes), u_pid,
-            u_dc, command, residual, saturated, rotor_commands and rotor_speeds are written.
+        log: The columns of `LOGGED`, velocities in body axes.
         rows: How many rows are written.
         outcome: "completed", "diverged" or "flying".
         reason: Why it diverged.
@@ -250,7 +249,7 @@ def finish(
         "engine": engine,
         "versions": _versions(engine),
     }
-    return Run(out, metadata)
+    return Run({name: out[name] for name in COLUMNS}, metadata)
 
 
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite")

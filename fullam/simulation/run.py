@@ -6,6 +6,7 @@ import json
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,15 +77,24 @@ COLUMNS: dict[str, Column] = {
 """Every column of a run, in order."""
 
 
-def allocate_columns(rows: int, n_arm: int, n_rotors: int) -> dict[str, Array]:
-    """Preallocated columns of a run, shape (rows,) or (rows, width)."""
+LOGGED = (
+    *("pose", "velocity", "measured_pose", "measured_velocity", "u_pid", "u_dc", "command"),
+    *("residual", "saturated", "rotor_commands", "rotor_speeds"),
+)
+"""Columns that are written tick by tick; the others follow from them and the plan."""
+
+
+def allocate_columns(
+    rows: int, n_arm: int, n_rotors: int, names: Iterable[str] = LOGGED
+) -> dict[str, Array]:
+    """Preallocated columns of a run, zero, shape (rows,) or (rows, width)."""
     widths: dict[int | str, tuple[int, ...]] = {"arm": (n_arm,), "rotors": (n_rotors,), 0: ()}
-    return {
-        name: np.zeros(
-            (rows, *widths.get(c.width, (c.width,))), dtype=bool if name == "saturated" else float
-        )
-        for name, c in COLUMNS.items()
-    }
+    columns = {}
+    for name in names:
+        width = COLUMNS[name].width
+        shape = (rows, *widths.get(width, (width,)))
+        columns[name] = np.zeros(shape, dtype=bool if name == "saturated" else float)
+    return columns
 
 
 class Run:

@@ -11,7 +11,7 @@ from fullam.analysis.metrics import HOLD_BAND, measure
 from fullam.analysis.response import DWELL, high_pass, last_jump, settling_time
 from fullam.model.loading import load_vehicle
 from fullam.simulation.references import Circle, Step
-from fullam.simulation.run import Run, allocate_columns
+from fullam.simulation.run import COLUMNS, Run, allocate_columns
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.weather import CALM, RECORDED
 
@@ -45,7 +45,7 @@ def make_run(vehicle):
         position = np.asarray(position, dtype=float)
         rows = len(position)
         still = np.zeros((rows, 3))
-        columns = allocate_columns(rows, vehicle.n_arm, vehicle.rotors.count)
+        columns = allocate_columns(rows, vehicle.n_arm, vehicle.rotors.count, COLUMNS)
         columns["t"] = np.arange(rows) * PERIOD
         target = still + 1.0 if reference_position is None else reference_position
         for name, p, r in (
