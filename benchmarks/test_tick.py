@@ -187,25 +187,33 @@ def test_saturated_tick_compiled(benchmark, meter, vehicle):
 @pytest.mark.parametrize("vehicle", workloads.VEHICLES)
 @pytest.mark.parametrize("engine", ["numpy", "compiled"])
 @pytest.mark.parametrize("kind", ["in bounds", "demanding"])
-def test_slowest_ticks(meter, request, kind, engine, vehicle):
+def test_slowest_ticks(benchmark, meter, kind, engine, vehicle):
     """Each tick by the clock: a real-time loop has to bear the slowest."""
     states = bank(vehicle) if kind == "in bounds" else demanding(vehicle)
     if engine == "compiled":
-        tick = compiled_tick(states, "dc-pid")
-        fly = tick.speeds
+        fly = compiled_tick(states, "dc-pid").speeds
     else:
         fly = functools.partial(states.tick("dc-pid").speeds, 0.0)
     clock, laps = time.perf_counter_ns, []
-    for _ in range(4 if request.config.getoption("benchmark_disable") else 100):
-        lap = []
+
+    def lap():
+        times = []
         for m, point in states.pairs:
             start = clock()
             fly(m, point)
-            lap.append(1e-3 * (clock() - start))
-        laps.append(lap)
+            times.append(1e-3 * (clock() - start))
+        laps.append(times)
+
+    benchmark.pedantic(lap, rounds=100)
+    if not benchmark.enabled:
+        return
     warm = np.concatenate(laps[1:])
-    p99 = float(np.percentile(warm, 99.0))
-    row = Row("Single dc-PID ticks, by the clock", f"{engine}, {kind}, {vehicle}", 0.0, unit="us")
-    row.us, row.value = float(np.median(warm)), p99
-    row.note = f"99 % below; slowest {warm.max():.0f}, in the first lap {max(laps[0]):.0f}"
-    meter.rows.append(row)
+    row = Row(
+        "Single dc-PID ticks, by the clock: median, and what 99 % stay below",
+        f"{engine}, {kind}, {vehicle}",
+        float(np.median(warm)),
+        value=float(np.percentile(warm, 99.0)),
+        unit="us",
+        note=f"slowest {warm.max():.0f}, in the first lap {max(laps[0]):.0f}",
+    )
+    meter.add(benchmark, row)
