@@ -185,7 +185,7 @@ class Campaign:
         return prepare(
             scenario,
             contender.controller,
-            vehicle=_vehicle(scenario.vehicle),
+            vehicle=cached_vehicle(scenario.vehicle),
             seed=self.seeds[0],
             weather=self.weather,
             settings=contender.settings,
@@ -218,7 +218,9 @@ class Campaign:
                 }
                 for c in self.contenders
             ],
-            "vehicles": {s.vehicle: _fingerprint(_vehicle(s.vehicle)) for s in self.scenarios},
+            "vehicles": {
+                s.vehicle: _fingerprint(cached_vehicle(s.vehicle)) for s in self.scenarios
+            },
             "weather": None if self.weather is None else self.weather.to_dict(),
             "simulation": self.simulation.to_dict(),
             "engines": self.engines,
@@ -359,7 +361,8 @@ def _flown(
 
 
 @functools.lru_cache(maxsize=8)
-def _vehicle(name: str) -> Vehicle:
+def cached_vehicle(name: str) -> Vehicle:
+    """The vehicle of that name, loaded once a process."""
     return load_vehicle(name)
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fullam
-from fullam.analysis.campaign import FLIGHT_ENDED
+from fullam.analysis.campaign import FLIGHT_ENDED, cached_vehicle
 from fullam.analysis.cluster import Workers, open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import Response
@@ -38,7 +38,6 @@ from fullam.control.controller import controller_class, make_settings
 from fullam.control.estimator import estimator_class
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
-from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import load_scenario
@@ -242,7 +241,7 @@ def candidate_cost(
         plan = prepare(
             scenario,
             controller,
-            vehicle=_vehicle(scenario.vehicle),
+            vehicle=cached_vehicle(scenario.vehicle),
             settings=dict(settings),
             simulation=simulation,
         )
@@ -363,8 +362,3 @@ def _settings(
     for parameter, x in zip(space, point, strict=True):
         values[parameter.field][parameter.index] = parameter.decode(float(x))
     return {name: tuple(value) for name, value in values.items()}
-
-
-@functools.lru_cache(maxsize=4)
-def _vehicle(name: str) -> Vehicle:
-    return load_vehicle(name)

@@ -42,7 +42,7 @@ class ControlTick:
         self._command_rows = self.command.reshape(2, 3)
         self._wrench_A_rows = self.wrench_A.reshape(2, 3)
         # A law that has worked out the attitude of the measurement may share it.
-        self._shared: Array | None = getattr(controller, "attitude", None)
+        self._shared: Array | None = controller.attitude
         self._attitude = AttitudeView()
         self._model, self._data = vehicle.model, vehicle.create_data()
         self._at_origin = vehicle.neutral()

@@ -146,7 +146,7 @@ def test_another_vehicle_of_the_same_name_is_another_campaign(tmp_path, monkeypa
     rotors = replace(heavier.rotors, k_f=1.01 * heavier.rotors.k_f)
     definition = {**heavier.definition, "description": "stronger"}
     stronger = replace(heavier, rotors=rotors, definition=definition)
-    monkeypatch.setattr(campaign_module, "_vehicle", lambda name: stronger)
+    monkeypatch.setattr(campaign_module, "cached_vehicle", lambda name: stronger)
     with pytest.raises(CampaignError, match="vehicles differ"):
         sweep(small([0, 1]), out)
 
