@@ -207,8 +207,8 @@ def arm_of(links: Array, theta: Array, dtheta: Array, ddtheta: Array) -> Array:
     return arm
 
 
-def tables_of(plan: FlightPlan) -> Tables:
-    """The tables of a plan."""
+def tables_of(plan: FlightPlan, links: Array) -> Tables:
+    """The tables of a plan; `links` is the nominal chain."""
     N, reference, ahead = plan.t.size, plan.reference, plan.anticipation
     if ahead is None:
         rows, moving = np.zeros((N, 18)), np.zeros(N, dtype=np.bool_)
@@ -219,7 +219,7 @@ def tables_of(plan: FlightPlan) -> Tables:
         own(reference.pose),
         own(reference.velocity),
         own(reference.acceleration),
-        arm_of(links_of(plan.nominal), plan.arm.theta, plan.arm.dtheta, plan.arm.ddtheta),
+        arm_of(links, plan.arm.theta, plan.arm.dtheta, plan.arm.ddtheta),
         own(rows),
         moving,
     )
@@ -263,15 +263,15 @@ def job_of(plan: FlightPlan) -> Job:
     """Everything about a flight as arrays; raises as `check`."""
     check(plan)
     s, nominal = plan.simulation, plan.nominal
-    axes = plan.scenario.axes_mask
+    axes, links = plan.scenario.axes_mask, links_of(nominal)
     controller = controller_class(plan.controller)(nominal, plan.settings, s.control_period, axes)
     allocator = Allocator(nominal.rotors, axes=np.array(axes), vehicle_name=nominal.name)
     return Job(
         craft_of(plan, links_of(plan.true)),
-        law_of(controller, links_of(nominal)),
+        law_of(controller, links),
         law_memory(),
         allotment_of(allocator),
-        tables_of(plan),
+        tables_of(plan, links),
         draw_of(plan.forecast),
         rules_of(plan),
         state_at(plan.scenario.initial_pose),

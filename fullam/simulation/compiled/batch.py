@@ -24,7 +24,7 @@ from fullam.simulation.compiled.arrays import (
     log_of,
     start_afresh,
 )
-from fullam.simulation.compiled.dynamics import chain_rows, with_bodies, z_frames
+from fullam.simulation.compiled.dynamics import with_bodies, z_frames
 from fullam.simulation.compiled.engine import ended
 from fullam.simulation.compiled.entries import fly
 from fullam.simulation.compiled.integrate import ASKED
@@ -94,8 +94,7 @@ class Batch:
         """
         self.plan = plan
         self._shared = job_of(plan)
-        chain = LinkChain.from_model(plan.nominal.model)
-        self._links, self._frames = chain_rows(chain), z_frames(chain)
+        self._frames = z_frames(LinkChain.from_model(plan.nominal.model))
         self._local = threading.local()
 
     def fly(self, seed: int) -> Flown:
@@ -115,7 +114,7 @@ class Batch:
         plan = self.plan.with_seed(seed)
         bodies = plan.true.model.inertias.tolist()[1:]
         links = with_bodies(
-            self._links,
+            self._shared.law.links,
             self._frames,
             np.array([body.mass for body in bodies]),
             np.array([body.lever for body in bodies]),
