@@ -1,14 +1,15 @@
 """The platform and its serial arm as plain arrays, read from a Pinocchio model.
 
 These are the constants of the paper's equations (6)-(13): they are read from the model, so any
-serial arm of revolute joints that a URDF gives is covered, and its joint axes need not be z.
+serial arm of revolute and prismatic joints that a URDF gives is covered, and its joint axes need
+not be z.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,17 +32,21 @@ class LinkChain:
     """Constants of link 0 (the platform) and links 1..n, as read-only arrays.
 
     Every array may carry leading axes, one entry per sample, so that a batch of states can have
-    a batch of parameters; see `stack`. Link frames {M_i} are the joint frames after rotation.
+    a batch of parameters; see `stack`. Link frames {M_i} are the joint frames after the motion of
+    the joint: theta_i turns a revolute joint about its axis [rad] and moves a prismatic one along
+    it [m].
 
     Attributes:
         mass: Masses m_i, shape (..., n+1) [kg].
         com: Centres of mass ^iP_i^c in the link's frame, shape (..., n+1, 3) [m].
         inertia: Inertias about the centre of mass in link axes, (..., n+1, 3, 3) [kg m^2].
         placement_R: Rotation {M_{i-1}} to {M_i} at theta_i = 0, shape (..., n, 3, 3).
-        placement_P: ^{i-1}P_i, shape (..., n, 3) [m].
+        placement_P: ^{i-1}P_i at theta_i = 0, shape (..., n, 3) [m].
         axis: Joint axis in {M_i}, unit, shape (..., n, 3); Craig's is z.
         tool_P: Tool point ^nP_{n+1} in {M_n}, shape (..., 3) [m].
         gravity: Acceleration of gravity in {W}, shape (..., 3) [m/s^2].
+        prismatic: Which joints move along their axis, shape (..., n), bool; one value holds for
+            all joints, and none is prismatic unless said.
     """
 
     mass: Array
@@ -52,13 +57,17 @@ class LinkChain:
     axis: Array
     tool_P: Array
     gravity: Array
+    prismatic: NDArray[np.bool_] = field(default_factory=lambda: np.array(False))
 
     def __post_init__(self) -> None:
         """Own the arrays and freeze them."""
-        for field in fields(self):
-            value = np.array(getattr(self, field.name), dtype=float)
+        kinds = np.broadcast_to(np.asarray(self.prismatic, dtype=bool), np.shape(self.axis)[:-1])
+        object.__setattr__(self, "prismatic", kinds)
+        for entry in fields(self):
+            dtype = bool if entry.name == "prismatic" else float
+            value = np.array(getattr(self, entry.name), dtype=dtype)
             value.setflags(write=False)
-            object.__setattr__(self, field.name, value)
+            object.__setattr__(self, entry.name, value)
 
     @property
     def n(self) -> int:
@@ -67,7 +76,7 @@ class LinkChain:
 
     @classmethod
     def from_model(cls, model: pin.Model, tool: str | None = None) -> LinkChain:
-        """Read the chain from a model with a free flyer and a serial arm of revolute joints.
+        """Read the chain from a model with a free flyer and a serial arm.
 
         Args:
             model: The Pinocchio model.
@@ -82,6 +91,7 @@ class LinkChain:
             raise VehicleError(
                 model.name, "root joint", "is no free flyer", "load it with a free-flyer root"
             )
+        subspaces = [_motion_subspace(model, j) for j in joints]
         links = [model.inertias[j] for j in range(ROOT, model.njoints)]
         placements = [model.jointPlacements[j] for j in joints]
         tool_P = np.zeros(3)
@@ -100,9 +110,10 @@ class LinkChain:
             inertia=np.array([link.inertia for link in links]),
             placement_R=np.array([M.rotation for M in placements]).reshape(-1, 3, 3),
             placement_P=np.array([M.translation for M in placements]).reshape(-1, 3),
-            axis=np.array([_revolute_axis(model, j) for j in joints]).reshape(-1, 3),
+            axis=np.array([axis for axis, _ in subspaces]).reshape(-1, 3),
             tool_P=tool_P,
             gravity=model.gravity.linear,
+            prismatic=np.array([prismatic for _, prismatic in subspaces], dtype=bool),
         )
 
     @classmethod
@@ -125,14 +136,14 @@ class LinkChain:
         """One chain whose arrays have a leading axis over the given ones (of equal n)."""
         return cls(
             **{
-                field.name: np.stack([getattr(chain, field.name) for chain in chains])
-                for field in fields(cls)
+                entry.name: np.stack([getattr(chain, entry.name) for chain in chains])
+                for entry in fields(cls)
             }
         )
 
 
-def _revolute_axis(model: pin.Model, joint: int) -> Array:
-    """Unit axis of a revolute joint; VehicleError when it is not one or not in the chain."""
+def _motion_subspace(model: pin.Model, joint: int) -> tuple[Array, bool]:
+    """Unit axis of a joint and whether it is prismatic; VehicleError when it is of another kind."""
     name, kind = model.names[joint], model.joints[joint]
     if model.parents[joint] != joint - 1:
         raise VehicleError(
@@ -144,14 +155,16 @@ def _revolute_axis(model: pin.Model, joint: int) -> Array:
     data = kind.createData()
     if kind.nq == 1 and kind.nv == 1:
         kind.calc(data, np.zeros(1))
-        subspace = np.asarray(data.S, dtype=float).reshape(6)
-        if not np.any(subspace[:3]):
-            return subspace[3:]
+        along, about = np.split(np.asarray(data.S, dtype=float).reshape(6), 2)
+        if not np.any(along):
+            return about, False
+        if not np.any(about):
+            return along, True
     raise VehicleError(
         model.name,
         f"joint '{name}'",
         f"is a {kind.shortname()}",
-        "the arm's joints must be revolute with limits (not continuous, not prismatic)",
+        "the arm's joints must be revolute or prismatic, with one coordinate each",
     )
 
 

@@ -59,7 +59,7 @@ def check(plan: FlightPlan) -> None:
     Raises:
         SettingsError: The controller, the estimator, the integrator or the number of rotors is
             not covered; the message says which are.
-        VehicleError: The arm is not one chain of revolute joints.
+        VehicleError: The arm is not one chain.
     """
     if controller_class(plan.controller) not in LAWS:
         raise refuse("controller", plan.controller, [c.name for c in LAWS])
@@ -68,7 +68,8 @@ def check(plan: FlightPlan) -> None:
     if plan.simulation.integrator not in RULES:
         raise refuse("integrator", plan.simulation.integrator, RULES)
     check_rotors(plan.nominal)
-    LinkChain.from_model(plan.nominal.model)
+    if np.any(LinkChain.from_model(plan.nominal.model).prismatic):
+        raise refuse("arm", "prismatic joints", ["arms of revolute joints"])
 
 
 def check_rotors(vehicle: Vehicle) -> None:
