@@ -43,10 +43,13 @@ class LinkChain:
         placement_R: Rotation {M_{i-1}} to {M_i} at theta_i = 0, shape (..., n, 3, 3).
         placement_P: ^{i-1}P_i at theta_i = 0, shape (..., n, 3) [m].
         axis: Joint axis in {M_i}, unit, shape (..., n, 3); Craig's is z.
-        tool_P: Tool point ^nP_{n+1} in {M_n}, shape (..., 3) [m].
+        tool_P: Tool point in the frame of the link that carries it, ^nP_{n+1} in {M_n} for the
+            paper, shape (..., 3) [m].
         gravity: Acceleration of gravity in {W}, shape (..., 3) [m/s^2].
         prismatic: Which joints move along their axis, shape (..., n), bool; one value holds for
             all joints, and none is prismatic unless said.
+        tool_link: Number of the link that carries the tool, 0 for the platform; the last unless
+            said (-1 stands for it).
     """
 
     mass: Array
@@ -58,12 +61,17 @@ class LinkChain:
     tool_P: Array
     gravity: Array
     prismatic: NDArray[np.bool_] = field(default_factory=lambda: np.array(False))
+    tool_link: int = -1
 
     def __post_init__(self) -> None:
         """Own the arrays and freeze them."""
         kinds = np.broadcast_to(np.asarray(self.prismatic, dtype=bool), np.shape(self.axis)[:-1])
         object.__setattr__(self, "prismatic", kinds)
+        if self.tool_link < 0:
+            object.__setattr__(self, "tool_link", self.n)
         for entry in fields(self):
+            if entry.name == "tool_link":
+                continue
             dtype = bool if entry.name == "prismatic" else float
             value = np.array(getattr(self, entry.name), dtype=dtype)
             value.setflags(write=False)
@@ -94,16 +102,12 @@ class LinkChain:
         subspaces = [_motion_subspace(model, j) for j in joints]
         links = [model.inertias[j] for j in range(ROOT, model.njoints)]
         placements = [model.jointPlacements[j] for j in joints]
-        tool_P = np.zeros(3)
+        tool_P, tool_link = np.zeros(3), -1
         if tool is not None:
             if not model.existFrame(tool):
                 raise UnknownName("frame", tool, [frame.name for frame in model.frames])
             frame = model.frames[model.getFrameId(tool)]
-            if frame.parentJoint != model.njoints - 1:
-                raise VehicleError(
-                    model.name, f"tool '{tool}'", "is not on the last link", "give one that is"
-                )
-            tool_P = frame.placement.translation
+            tool_P, tool_link = frame.placement.translation, frame.parentJoint - ROOT
         return cls(
             mass=np.array([link.mass for link in links]),
             com=np.array([link.lever for link in links]),
@@ -114,6 +118,7 @@ class LinkChain:
             tool_P=tool_P,
             gravity=model.gravity.linear,
             prismatic=np.array([prismatic for _, prismatic in subspaces], dtype=bool),
+            tool_link=tool_link,
         )
 
     @classmethod
@@ -133,13 +138,13 @@ class LinkChain:
 
     @classmethod
     def stack(cls, chains: Sequence[LinkChain]) -> LinkChain:
-        """One chain whose arrays have a leading axis over the given ones (of equal n)."""
-        return cls(
-            **{
-                entry.name: np.stack([getattr(chain, entry.name) for chain in chains])
-                for entry in fields(cls)
-            }
-        )
+        """One chain whose arrays have a leading axis over the given ones (of equal n and tool)."""
+        arrays = {
+            entry.name: np.stack([getattr(chain, entry.name) for chain in chains])
+            for entry in fields(cls)
+            if entry.name != "tool_link"
+        }
+        return cls(**arrays, tool_link=chains[0].tool_link)
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> tuple[Array, bool]:

@@ -90,11 +90,14 @@ def test_a_model_that_is_no_such_chain_is_refused(model, words):
         LinkChain.from_model(model)
 
 
-def test_a_tool_must_exist_on_the_last_link(vehicle):
+def test_a_tool_must_exist_and_may_be_on_any_link(vehicle):
     with pytest.raises(UnknownName, match="tol"):
         LinkChain.from_model(vehicle.model, "tol")
-    with pytest.raises(VehicleError, match="last link"):
-        LinkChain.from_model(vehicle.model, "link_1")
+    links = ["platform", "link_1", "link_2", "tool"]
+    numbers = [LinkChain.from_model(vehicle.model, link).tool_link for link in links]
+    assert numbers == [0, 1, 2, 4]
+    chain = LinkChain.from_model(vehicle.model, "link_2")
+    assert LinkChain.stack([chain, chain]).tool_link == 2
 
 
 def test_stack_adds_a_leading_axis(vehicle):
