@@ -8,10 +8,7 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
     print(fullam.measure(run))
 """
 
-import fullam.control.backstepping
-import fullam.control.computed_wrench
 import fullam.control.dc_pid
-import fullam.control.dc_pid_plus
 import fullam.control.kalman
 import fullam.control.pid
 import fullam.simulation.catalogue  # noqa: F401 - registers the controllers and the scenarios
