@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fullam.numbers.machine_code import Code, available, loop_code, stage_code
-from fullam.numbers.records import Rows, rows_of
+from fullam.numbers.records import Rows, build, flat, layout, rows_of
 
 LOOP = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)
 STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2)
@@ -74,25 +74,61 @@ def program(stages: Sequence[Stage], compiled: bool | None = None) -> Program:
     return CompiledProgram(stages) if compiled else InterpretedProgram(stages)
 
 
+SHORT = 64
+"""Rows of at most so many numbers of records become lists; longer ones are read where they are."""
+
+
 class Lists:
-    """Views as Python reads them: `Rows` become lists, the same list for the same `Rows`."""
+    """Views as Python reads them: sequences of records, the same one for the same `Rows`."""
 
     def __init__(self) -> None:
         """Nothing yet."""
         self._lists: dict[int, tuple[Rows, Any]] = {}
 
     def of(self, view: Any) -> Any:
-        """The view with lists in the place of its `Rows`."""
+        """The view with sequences in the place of its `Rows`."""
         if not isinstance(view, Rows):
             return type(view)(*map(self.of, view))
         if id(view) not in self._lists:
-            self._lists[id(view)] = view, view.to_list()
+            long = view.depth and view.array.shape[0] > SHORT
+            self._lists[id(view)] = view, Long(view) if long else view.to_list()
         return self._lists[id(view)][1]
 
     def write_back(self) -> None:
         """Write what the lists hold to the arrays."""
         for rows, records in self._lists.values():
-            rows.assign(records)
+            if isinstance(records, list):
+                rows.assign(records)
+
+
+class Long:
+    """Many rows, read and written one by one in the array itself."""
+
+    def __init__(self, rows: Rows) -> None:
+        """Bind the rows, of one flight."""
+        self._array, self._rows = rows.array, rows
+        self._plan, self._deep = layout(rows.record), rows.depth > 1
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self._array)
+
+    def __getitem__(self, k: int) -> Any:
+        """The record, or the rows, at an index."""
+        if self._deep:
+            inner = Rows.__new__(Rows)
+            inner.record, inner.lanes, inner.depth = self._rows.record, 0, self._rows.depth - 1
+            inner.array = self._array[k]
+            return Long(inner)
+        return build(self._plan, iter(self._array[k].tolist()))
+
+    def __setitem__(self, k: int, value: Any) -> None:
+        """Store a record."""
+        self._array[k] = [*flat(value)]
+
+    def __iter__(self) -> Iterator[Any]:
+        """The records in turn."""
+        return (self[k] for k in range(len(self)))
 
 
 def _table(view: Any) -> Any:
