@@ -47,23 +47,29 @@ class State(NamedTuple):
 
 
 class Stepping(NamedTuple):
-    """Time step [s], steps in a control period, and gravity along -z of {W}."""
+    """How the plant is integrated.
+
+    Time step [s]; steps in a control period; rows of the arm in half a step, 0 if it stands still;
+    gravity along -z of {W}.
+    """
 
     period: Number
     substeps: Number
+    arm_stride: Number
     gravity: Number
 
 
 class System(NamedTuple):
     """What the derivative of the twist is evaluated on.
 
-    True links; rows of the arm on the half-step grid, and the row of the step's start; rotor
+    True links; rows of the arm, the row of the step's start, and rows in half a step; rotor
     wrenches at the start, the middle and the end, {A} axes; gust, world axes; gravity.
     """
 
     links: Any
     arm: Any
     row: Any
+    stride: Any
     start: Spatial
     middle: Spatial
     end: Spatial
@@ -123,7 +129,7 @@ def twist_rate(system, stage, pose, twist):
     """Derivative of the twist by the recursion (6)-(13); see `integrators`."""
     R, w = rotation_matrix(pose.attitude), twist.angular
     wrench = add_spatial(wrench_at(system, stage), rotate_spatial_back(R, system.gust))
-    chain = Chain(system.links, system.arm[system.row + stage])
+    chain = Chain(system.links, system.arm[system.row + stage * system.stride])
     a = base_acceleration(chain, w, gravity_in(R, system.gravity), wrench)
     return Spatial(subtract(a.linear, cross(w, twist.linear)), a.angular)
 
@@ -134,16 +140,23 @@ def advance(rule, derivative, view, k):
     state, stepping, gust = view.state[0], view.stepping[0], view.weather[k].gust
     pose, twist, rate = state.pose, state.twist, state.acceleration
     rotors, speeds, commands = view.rotors, view.speeds, view.commands
-    substeps = int(stepping.substeps)
+    substeps, stride = int(stepping.substeps), int(stepping.arm_stride)
     for i in range(substeps):
         start = Spatial(*rotor_wrench(rotors, speeds))
         follow(rotors, speeds, commands)
         middle = Spatial(*rotor_wrench(rotors, speeds))
         follow(rotors, speeds, commands)
         end = Spatial(*rotor_wrench(rotors, speeds))
-        row = 2 * (k * substeps + i)
         system = System(
-            view.links, view.arm, row, start, middle, end, gust, stepping.gravity
+            view.links,
+            view.arm,
+            2 * stride * (k * substeps + i),
+            stride,
+            start,
+            middle,
+            end,
+            gust,
+            stepping.gravity,
         )
         pose, twist, rate = rule(derivative, system, pose, twist, stepping.period)
     view.state[0] = State(pose, twist, rate)
@@ -177,7 +190,7 @@ class PinocchioRate:
         """See `integrators`."""
         q, v = self._q, self._v
         q[3:7], v[:6] = pose.attitude, [*twist.linear, *twist.angular]
-        for i, motion in enumerate(system.arm[system.row + stage]):
+        for i, motion in enumerate(system.arm[system.row + stage * system.stride]):
             q[7 + i], v[6 + i], self._ddtheta[i] = motion
         gust = rotate_spatial_back(rotation_matrix(pose.attitude), system.gust)
         wrench = np.array([*flat(add_spatial(wrench_at(system, stage), gust))])

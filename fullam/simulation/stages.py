@@ -101,6 +101,7 @@ class AllocateView(NamedTuple):
     ahead: Any
     command: Any
     centers: Any
+    joint_rows: Any
     status: Any
     delivery: Any
     residual: Any
@@ -152,8 +153,9 @@ def allocate_command(view, k):
     status = ended(view.status[0], finite, k, NOT_FINITE)
     view.status[0] = status
     flying = status.end > k
+    center = view.centers[k * int(view.joint_rows[0])]
     achieved, missing, short = allocate(
-        view.problem, view.memory, asked, view.centers[k], flying, view.commands
+        view.problem, view.memory, asked, center, flying, view.commands
     )
     residual = subtract_spatial(achieved, asked)
     view.residual[0] = select(short, residual, Spatial(ZERO, ZERO))
