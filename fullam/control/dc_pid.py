@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from fullam.control.compensation import MODELS, Model, compensation_model
-from fullam.control.controller import ALL_AXES, register
+from fullam.control.controller import ALL_AXES
 from fullam.control.law import LawKernels
 from fullam.control.pid import (
     Gains,
@@ -185,7 +185,6 @@ def command_previous(numbers, chain, estimate, target, memory):
     return dc_pid_previous(compensation, acceleration, numbers, chain, estimate, target, memory)
 
 
-@register("dc-pid")
 class DcPid(PidBase):
     """The paper's dc-PID, eq. (26): PID and the arm's wrench fed forward.
 
@@ -193,6 +192,7 @@ class DcPid(PidBase):
         model: What yields u_dc where Python flies; see `compensation`.
     """
 
+    name = "dc-pid"
     Settings = DcPidSettings
     settings: DcPidSettings
 

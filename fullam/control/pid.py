@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.control.controller import register
 from fullam.control.law import KernelLaw, LawKernels
 from fullam.control.signals import Command
 from fullam.control.tracking import TrackingSettings
@@ -22,7 +21,6 @@ from fullam.dynamics.so3 import boxminus, rotation_matrix
 from fullam.dynamics.spatial import (
     Spatial,
     add_spatial,
-    axpy_spatial,
     multiply_spatial,
     subtract_spatial,
 )
@@ -117,7 +115,7 @@ class PidMemory(NamedTuple):
 
 @kernel
 def pose_error(estimate, target):
-    """e = [p_d - p; R log(R^T R_d)], and its rate [dp_d - dp; w_d - w]; world axes."""
+    """Error e = [p_d - p; R log(R^T R_d)] and its rate [dp_d - dp; w_d - w], world axes."""
     pose, wanted = estimate.pose, target.pose
     R = rotation_matrix(pose.attitude)
     e_f = subtract(wanted.position, pose.position)
@@ -191,7 +189,7 @@ def start(numbers, chain, estimate):
 
 @kernel
 def command(numbers, chain, estimate, target, memory):
-    """u = [m (u_f + g); R I R^T u_tau] with the weight as the only compensation."""
+    """Wrench u = [m (u_f + g); R I R^T u_tau]: the weight is the only compensation."""
     R = rotation_matrix(estimate.pose.attitude)
     e, de = pose_error(estimate, target)
     u_pid = pid(numbers.gains, e, de, memory.integral, target.acceleration)
@@ -246,7 +244,6 @@ def rigid_inertia(vehicle: Vehicle) -> Array:
     return whole
 
 
-@register("pid")
 class Pid(PidBase):
     """Eq. (19) on the vehicle taken as one rigid body at rest, with its weight fed forward.
 
@@ -254,6 +251,7 @@ class Pid(PidBase):
     arm, and gravity g: what dc-PID is measured against, since it knows nothing of the arm's pose.
     """
 
+    name = "pid"
     Memory = PidMemory
     kernels = LawKernels(start, command, delivered)
 

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 import fullam.version
 from fullam.control.allocation import Allocator
-from fullam.control.controller import Controller, Measurement, ReferencePoint, controller_class
+from fullam.control.controller import Controller, Measurement, ReferencePoint
+from fullam.control.controllers import controller_class
 from fullam.control.tick import ControlTick
 from fullam.simulation.flight_plan import (
     DIVERGENCE_PERIOD,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from fullam.control.controller import make_settings
+from fullam.control.controllers import make_settings
 from fullam.exceptions import Diverged, UnknownName
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.backstepping import Backstepping
-from fullam.control.controller import Controller, controller_class
+from fullam.control.controller import Controller
+from fullam.control.controllers import controller_class
 from fullam.control.dc_pid import DcPid
 from fullam.control.pid import Pid, PidBase
 from fullam.exceptions import SettingsError
