@@ -12,13 +12,12 @@ import fullam.control.backstepping
 import fullam.control.computed_wrench
 import fullam.control.dc_pid
 import fullam.control.dc_pid_plus
-import fullam.control.kalman
 import fullam.control.pid
 import fullam.simulation.catalogue  # noqa: F401 - registers the controllers and the scenarios
 from fullam.analysis.metrics import Metrics, measure
 from fullam.control.allocation import Allocation, Allocator
 from fullam.control.controller import Controller, controller_names, make_controller, register
-from fullam.control.estimator import estimator_names
+from fullam.control.estimators import estimator_names
 from fullam.exceptions import FullamError
 from fullam.model.design import VehicleDesign, design_vehicle
 from fullam.model.loading import load_vehicle, vehicle_names
