@@ -23,7 +23,7 @@ from fullam.analysis.cluster import open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import coordinates
 from fullam.control.controllers import make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.estimators import estimator_class
 from fullam.exceptions import (
     AllocationFailed,
     CampaignError,

@@ -35,7 +35,7 @@ from fullam.analysis.cluster import Workers, open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import Response
 from fullam.control.controllers import controller_class, make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.estimators import estimator_class
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle

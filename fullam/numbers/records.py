@@ -128,8 +128,8 @@ class Rows:
         return _records(layout(self.record), self.array.tolist(), self.depth)
 
     def assign(self, records: Any) -> None:
-        """Take over the records of a list of the same lengths."""
-        if self.array.size:
+        """Take over the records of a list of the same lengths; read-only rows stay as they are."""
+        if self.array.size and self.array.flags.writeable:
             self.array[:] = np.array(_numbers(records), dtype=np.float64)
 
 

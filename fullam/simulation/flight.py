@@ -10,6 +10,7 @@ import functools
 import platform
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,14 @@ import fullam.version
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller, Measurement, ReferencePoint
 from fullam.control.controllers import controller_class
+from fullam.control.estimator import Inertial, Readings
+from fullam.control.signals import Estimate
 from fullam.control.tick import ControlTick
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial, rotate_spatial_back
+from fullam.numbers.records import Rows, flat, record
+from fullam.numbers.vectors import ZERO
+from fullam.simulation.anticipation import advance, thrust_attitude
 from fullam.simulation.flight_plan import (
     DIVERGENCE_PERIOD,
     FlightPlan,
@@ -29,7 +37,7 @@ from fullam.simulation.flight_plan import (
 )
 from fullam.simulation.plant import Plant
 from fullam.simulation.run import COLUMNS, FORMAT, Run, allocate_columns
-from fullam.simulation.sensors import Sensors
+from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 Array = NDArray[np.float64]
 
@@ -77,7 +85,7 @@ class Flight:
             simulation.plant_period,
             simulation.integrator,
         )
-        self.sensors = Sensors(simulation, plan.forecast, plan.nominal.gravity, self._log["pose"])
+        self.sensors = _Sensors(plan, self.estimator.needs_inertial)
         self._look_every = max(1, round(DIVERGENCE_PERIOD / simulation.control_period))
         self._near = _Near(plan, self._look_every)
         self.thrust_attitude: Callable[[], Array] | None = None
@@ -89,7 +97,7 @@ class Flight:
         plan, plant, tick, m = self.plan, self.plant, self.tick, self.measurement
         sensors, estimator, controller = self.sensors, self.estimator, self.controller
         anticipation = plan.anticipation
-        inertial = estimator.needs_inertial
+        ahead = [] if anticipation is None else anticipation.rows.to_list()
         reference, arm, substeps = plan.reference, plan.arm, plan.simulation.substeps
         arm_rows = 2 * substeps  # of the arm's table in a control period
         gusts = plan.forecast.disturbance
@@ -105,8 +113,6 @@ class Flight:
             if k % look_every == 0 and self._has_diverged(k):
                 return
             readings = sensors.read(k, plant)
-            if inertial:
-                sensors.read_inertial(k, plant)
             row = arm_rows * k
             arm_angles[:], arm_rates[:] = arm.theta[row], arm.dtheta[row]
             m.arm_acceleration = arm.ddtheta[row]
@@ -120,15 +126,18 @@ class Flight:
                 estimator.update(readings, m)
 
             R_thrust = None if self.thrust_attitude is None else self.thrust_attitude()
-            if anticipation is not None and anticipation.moving[k]:
-                anticipation.advance(k, m)
-                R_thrust = anticipation.attitude_of_thrust(k, m)
+            if anticipation is not None and anticipation.moves:
+                now = advance(_estimate_of(m), ahead[k])
+                R = rotation_matrix(now.pose.attitude)
+                m.q[:7] = [*flat(now.pose)]
+                m.v[:6] = [*flat(rotate_spatial_back(R, now.velocity))]
+                R_thrust = np.reshape(rotation_matrix(thrust_attitude(now, ahead[k])), (3, 3))
             speeds = tick.speeds(t, m, point, R_thrust)
             if tick.saturated:
                 residuals[k], saturated[k] = tick.residual, True
 
-            now = (velocity, told_pose, told_velocity, controller.u_pid, controller.u_dc)
-            np.concatenate((*now, tick.command, speeds, plant.speeds), out=rows[k])
+            told = (velocity, told_pose, told_velocity, controller.u_pid, controller.u_dc)
+            np.concatenate((*told, tick.command, speeds, plant.speeds), out=rows[k])
             self.ticks_flown = k + 1
             if k < last:
                 plant.advance(speeds, gusts[k] if gusting[k] else None, substeps)
@@ -171,6 +180,36 @@ def _gather(log: dict[str, Array], names: tuple[str, ...]) -> Array:
     for name, start, width in zip(names, np.cumsum([0, *widths]), widths, strict=False):
         log[name] = table[:, start : start + width]
     return table
+
+
+class _Sensors:
+    """The sensors' kernels, read from the plant once a control period."""
+
+    def __init__(self, plan: FlightPlan, inertial: bool) -> None:
+        settings, draw = plan.simulation, plan.forecast
+        self._every, self._gravity = settings.pose_every, plan.nominal.gravity
+        self._ring: list[Any] = [None] * (settings.delay_periods + 1)
+        self._noise = Rows(Spatial, draw.pose_noise).to_list()
+        self._inertial_noise: list[Inertial] = []
+        if inertial:
+            noise = np.hstack([draw.gyroscope_noise, draw.accelerometer_noise])
+            self._inertial_noise = Rows(Inertial, noise).to_list()
+        self._pose: Any = None
+
+    def read(self, k: int, plant: Plant) -> Readings:
+        pose, v = record(Pose, plant.q[:7]), record(Spatial, plant.v[:6])
+        keep_pose(self._ring, pose, k)
+        self._pose = sense_pose(self._ring, self._noise[k], self._pose, self._every, k)
+        felt = Inertial(ZERO, ZERO)
+        if self._inertial_noise:
+            a = record(Spatial, plant.acceleration)
+            felt = sense_inertial(pose.attitude, v, a, self._gravity, self._inertial_noise[k])
+        return Readings(self._pose, v, *felt)
+
+
+def _estimate_of(m: Measurement) -> Estimate:
+    pose, v = record(Pose, m.q[:7]), record(Spatial, m.v[:6])
+    return Estimate(pose, rotate_spatial(rotation_matrix(pose.attitude), v))
 
 
 class _Near:
@@ -227,7 +266,9 @@ def finish(
     out["measured_velocity"] = _turn(R_told, out["measured_velocity"])
     R_thrust = R_told
     if plan.anticipation is not None:
-        R_thrust = R_told @ Rotation.from_rotvec(plan.anticipation.turn[:rows, 3:]).as_matrix()
+        R_thrust = (
+            R_told @ Rotation.from_rotvec(plan.anticipation.rows["turn"][:rows].copy()).as_matrix()
+        )
     if not all(plan.scenario.axes_mask):
         # On axes that nobody controls the allocation falls short without being saturated.
         asked_A = _turn(R_thrust.transpose(0, 2, 1), out["command"])

@@ -215,8 +215,9 @@ def tables_of(plan: FlightPlan, links: Array) -> Tables:
     if ahead is None:
         rows, moving = np.zeros((N, 18)), np.zeros(N, dtype=np.bool_)
     else:
-        rows = np.hstack([ahead.pose, ahead.velocity, ahead.turn])
-        moving = np.array(ahead.moving, dtype=np.bool_)
+        parts = [ahead.rows["pose"], ahead.rows["velocity"], np.zeros((N, 3)), ahead.rows["turn"]]
+        rows = np.hstack(parts)
+        moving = rows.any(axis=1)
     return Tables(
         own(reference.pose),
         own(reference.velocity),
