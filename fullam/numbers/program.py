@@ -87,6 +87,8 @@ class Lists:
 
     def of(self, view: Any) -> Any:
         """The view with sequences in the place of its `Rows`."""
+        if view is None:
+            return None
         if not isinstance(view, Rows):
             return type(view)(*map(self.of, view))
         if id(view) not in self._lists:

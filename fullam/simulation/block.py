@@ -12,8 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.control.allocation import Allocator, allocation_memory
-from fullam.control.estimator import EstimateView, KernelEstimator, estimate_stage
+from fullam.control.allocation import allocation_memory
+from fullam.control.controller import Controller
+from fullam.control.estimator import (
+    EstimateView,
+    Estimator,
+    Inertial,
+    KernelEstimator,
+    Readings,
+    estimate_stage,
+)
 from fullam.control.law import (
     CommandView,
     InformView,
@@ -22,25 +30,33 @@ from fullam.control.law import (
     inform_stage,
 )
 from fullam.control.signals import Command, Delivery, Estimate
+from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Link
 from fullam.dynamics.spatial import Pose, Spatial
+from fullam.exceptions import SettingsError
+from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
-from fullam.numbers.records import Rows
-from fullam.simulation.anticipation import ForeseeView, foresee
-from fullam.simulation.draws import Draws, RotorRow, Weather
-from fullam.simulation.flight_plan import hover_speeds
-from fullam.simulation.plant import PlantView, State, plant_stage
-from fullam.simulation.sensors import SenseView, sense_stage
+from fullam.numbers.records import Rows, columns, rows_of
+from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.plant import PlantView, Rotor, State, plant_stage, rotor_rows
 from fullam.simulation.stages import (
+    DIVERGED,
     FOREVER,
+    ORDER,
     AllocateView,
     Entry,
+    ForeseeView,
     RecordView,
     RotorEntry,
+    SenseView,
     Status,
     WatchView,
+    Weather,
     allocate_command,
+    foresee,
     record_entry,
+    sense,
+    sense_all,
     watch,
 )
 from fullam.simulation.tables import Tables
@@ -81,20 +97,24 @@ class Block:
         self.readings, self.estimate = self._empty(Readings, 1), self._empty(Estimate, 1)
         self.command, self.delivery = self._empty(Command, 1), self._empty(Delivery, 1)
         self.residual = self._empty(Spatial, 1)
-        self.commands, self.speeds = self._empty(float, n), self._empty(float, n)
+        self.speeds = self._empty(float, n)
         self.weather = self._empty(Weather, periods)
         self.inertial = self._empty(Inertial, periods if self.estimator.needs_inertial else 0)
         self.links = self._empty(Link, len(tables.links.array))
         self.rotor_rows = self._empty(Rotor, n)
         self.problem, self.memory = self.allocator.problem(), allocation_memory(n, lanes)
+        self.commands: Rows = self.memory.speeds
         kept = periods if record else 0
         self.entries, self.rotors = self._empty(Entry, kept), self._empty(RotorEntry, kept, n)
         self.law_memory: Any = None
         self.estimator_memory: Any = None
+        self._law_numbers = self._estimator_numbers = None
         if isinstance(self.law, KernelLaw):
             self.law_memory = self._empty(self.law.Memory, 1)
+            self._law_numbers = numbers_of(self.law)
         if isinstance(self.estimator, KernelEstimator):
             self.estimator_memory = self.estimator.memory(lanes)
+            self._estimator_numbers = numbers_of(self.estimator)
 
     def _empty(self, record: Any, *lengths: int) -> Rows:
         return Rows.empty(record, *lengths, lanes=self.lanes)
@@ -107,10 +127,10 @@ class Block:
         self.state.array[0, :7].T[:] = self.tables.plan.scenario.initial_pose
         self.status.array[:] = 0.0
         self.status["end"][:] = FOREVER
-        for rows in (self.commands, self.speeds):
-            rows.array[:, 0].T[:] = self.tables.hover
         for rows in rows_of(self.memory):
             rows.array[:] = 0.0
+        for rows in (self.commands, self.speeds):
+            rows.array[:, 0].T[:] = self.tables.hover
 
     def load(self, plan: FlightPlan) -> None:
         """Take the weather and the true vehicle of a plan; for one flight at a time."""
@@ -126,70 +146,72 @@ class Block:
         """Draw the weather and the true vehicles of as many seeds as there are lanes."""
         self.tables.draws.fill(seeds, self.weather, self.links, self.rotor_rows, self.inertial)
 
-    # What flies, stage by stage.
+    # What flies, stage by stage; see `fullam.simulation.stages`.
 
     def stages(self) -> dict[str, Stage]:
-        """The stages of a control period, in order; see `fullam.simulation.stages`.
+        """The stages of a control period as kernels, in order.
 
         Raises:
             SettingsError: Law or estimator are no kernels.
         """
-        t, plan = self.tables, self.tables.plan
         law, estimator = kernel_law(self.law), kernel_estimator(self.estimator)
-        joints, centers = t.placed
-        numbers = Rows.of(type(law.numbers()), [law.numbers()])
-        estimator_numbers = Rows.of(type(estimator.numbers()), [estimator.numbers()])
+        joints = self.tables.placed[0]
+        estimate = Stage(estimate_stage(estimator.kernel), self.estimate_view())
+        own = {
+            "estimate": estimate,
+            "command": Stage(command_stage(law.kernels), self.command_view(joints)),
+            "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
+            "move": Stage(
+                plant_stage(self.tables.plan.simulation.integrator), self.plant_view(joints)
+            ),
+        }
+        return in_order(self.common_stages() | own)
+
+    def common_stages(self) -> dict[str, Stage]:
+        """Those that neither law, estimator nor dynamics have a say in."""
+        t = self.tables
+        sensing = sense_all if self.estimator.needs_inertial else sense
         stages = {
             "watch": Stage(watch, WatchView(self.state, t.targets, t.bounds, self.status)),
-            "sense": self.sense(),
-            "estimate": Stage(
-                estimate_stage(estimator.kernel),
-                EstimateView(
-                    estimator_numbers, self.estimator_memory, self.readings, self.estimate
-                ),
-            ),
-            "foresee": Stage(foresee, ForeseeView(t.ahead, self.estimate)),
-            "command": Stage(
-                command_stage(law.kernels),
-                CommandView(
-                    numbers,
-                    t.links,
-                    joints,
-                    t.joint_rows,
-                    t.targets,
-                    self.estimate,
-                    self.law_memory,
-                    self.command,
-                ),
-            ),
-            "allocate": self.allocate(),
-            "inform": Stage(
-                inform_stage(law.kernels),
-                InformView(
-                    numbers,
-                    t.links,
-                    joints,
-                    t.joint_rows,
-                    self.estimate,
-                    self.law_memory,
-                    self.delivery,
-                ),
-            ),
-            "record": self.record(),
-            "move": Stage(plant_stage(plan.simulation.integrator), self.plant_view(joints)),
+            "sense": Stage(sensing, self.sense_view()),
+            "allocate": Stage(allocate_command, self.allocate_view()),
         }
-        if plan.anticipation is None:
-            del stages["foresee"]
+        if t.plan.anticipation is not None:
+            stages["foresee"] = Stage(foresee, ForeseeView(t.ahead, self.estimate))
+        if len(self.entries.array):
+            stages["record"] = Stage(record_entry, self.record_view())
         return stages
 
-    def sense(self) -> Stage:
-        """The sensors' stage."""
-        raise NotImplementedError
+    def sense_view(self) -> SenseView:
+        """What the sensors' stage is shown."""
+        rates = self.tables.rates
+        return SenseView(
+            self.state, self.poses, self.weather, self.inertial, rates, self.readings
+        )
 
-    def allocate(self) -> Stage:
-        """The allocation's stage."""
+    def estimate_view(self) -> EstimateView:
+        """What the estimator's stage is shown."""
+        memory = self.estimator_memory
+        return EstimateView(self._estimator_numbers, memory, self.readings, self.estimate)
+
+    def command_view(self, joints: Rows) -> CommandView:
+        """What the law's first stage is shown; `joints` as the law wants to see them."""
         t = self.tables
-        view = AllocateView(
+        return CommandView(
+            self._law_numbers,
+            t.links,
+            joints,
+            t.joint_rows,
+            t.targets,
+            self.estimate,
+            self.law_memory,
+            self.command,
+        )
+
+    def allocate_view(self) -> AllocateView:
+        """What the allocation's stage is shown."""
+        t = self.tables
+        return AllocateView(
             self.problem,
             self.memory,
             self.estimate,
@@ -200,13 +222,24 @@ class Block:
             self.status,
             self.delivery,
             self.residual,
-            self.commands,
         )
-        return Stage(allocate_command, view)
 
-    def record(self) -> Stage:
-        """The stage that writes the record."""
-        view = RecordView(
+    def inform_view(self, joints: Rows) -> InformView:
+        """What the law's second stage is shown."""
+        t = self.tables
+        return InformView(
+            self._law_numbers,
+            t.links,
+            joints,
+            t.joint_rows,
+            self.estimate,
+            self.law_memory,
+            self.delivery,
+        )
+
+    def record_view(self) -> RecordView:
+        """What the stage that writes the record is shown."""
+        return RecordView(
             self.state,
             self.estimate,
             self.command,
@@ -217,7 +250,6 @@ class Block:
             self.entries,
             self.rotors,
         )
-        return Stage(record_entry, view)
 
     def plant_view(self, arm: Rows) -> PlantView:
         """What the plant is shown; `arm` as its derivative wants to see it."""
@@ -250,6 +282,17 @@ class Block:
         if end >= self.tables.periods:
             return self.tables.periods, "completed"
         return int(end), "diverged" if cause == DIVERGED else "not finite"
+
+
+def numbers_of(part: KernelLaw | KernelEstimator) -> Rows:
+    """The settings of a law or an estimator as one row."""
+    numbers = part.numbers()
+    return Rows.of(type(numbers), [numbers])
+
+
+def in_order(stages: dict[str, Any]) -> dict[str, Any]:
+    """Stages by name, in the order in which a control period calls them."""
+    return {name: stages[name] for name in ORDER if name in stages}
 
 
 def kernel_law(law: Controller) -> KernelLaw:

@@ -1,13 +1,13 @@
-"""The stages of a flight that belong to nobody else: watch, allocate, record.
+"""The stages of a flight, and those of them that belong to nobody else.
 
 A flight is a list of stages, called in turn in every control period:
 
     watch     has it left the bounds of sense?                       here
-    sense     what do the sensors read?                              `sensors`
+    sense     what do the sensors read?                              here, `sensors`
     estimate  what does the estimator make of it?                    `fullam.control.estimator`
-    foresee   take the known lags off                                `anticipation`
+    foresee   take the known lags off                                here, `anticipation`
     command   which wrench does the law want?                        `fullam.control.law`
-    allocate  which rotor speeds give it?                            here, `fullam.control.allocation`
+    allocate  which rotor speeds give it?                            here, `fullam.control.ladder`
     inform    tell the law what it did not get                       `fullam.control.law`
     record    write the row of the period                            here
     move      fly the period                                         `plant`
@@ -19,9 +19,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fullam.control.allocation import allocate
+from fullam.control.estimator import Readings
+from fullam.control.ladder import allocate
 from fullam.control.signals import Delivery
-from fullam.dynamics.so3 import boxplus, rotation_matrix
+from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
     Pose,
     Spatial,
@@ -31,6 +32,14 @@ from fullam.dynamics.spatial import (
 )
 from fullam.numbers.kernel import Number, absolute, both, kernel, select
 from fullam.numbers.vectors import ZERO, Vector, dot, multiply, subtract
+from fullam.simulation.anticipation import advance, thrust_attitude
+from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
+
+ORDER = (
+    *("watch", "sense", "estimate", "foresee", "command"),
+    *("allocate", "inform", "record", "move"),
+)
+"""The stages, as a control period calls them."""
 
 FOREVER = 1e18
 """The period in which a flight has ended that has not."""
@@ -40,6 +49,17 @@ DIVERGED, NOT_FINITE = 1.0, 2.0
 
 LARGEST = 1e300
 """A wrench beyond this is not finite."""
+
+
+class Weather(NamedTuple):
+    """A control period of the weather.
+
+    Noise of the pose, position (world) and attitude (tangent at {A}); gust on the platform at its
+    origin, world axes.
+    """
+
+    noise: Spatial
+    gust: Spatial
 
 
 class Status(NamedTuple):
@@ -92,6 +112,31 @@ class WatchView(NamedTuple):
     status: Any
 
 
+class Rates(NamedTuple):
+    """Control periods between two poses, and gravity along -z of {W} [m/s^2]."""
+
+    every: Number
+    gravity: Number
+
+
+class SenseView(NamedTuple):
+    """What `sense` and `sense_all` are shown; `ring` holds the last true poses."""
+
+    state: Any
+    ring: Any
+    weather: Any
+    inertial: Any
+    rates: Any
+    readings: Any
+
+
+class ForeseeView(NamedTuple):
+    """What `foresee` is shown."""
+
+    ahead: Any
+    estimate: Any
+
+
 class AllocateView(NamedTuple):
     """What `allocate_command` is shown; `ahead` holds the turn until the rotors follow."""
 
@@ -105,7 +150,6 @@ class AllocateView(NamedTuple):
     status: Any
     delivery: Any
     residual: Any
-    commands: Any
 
 
 class RecordView(NamedTuple):
@@ -120,6 +164,38 @@ class RecordView(NamedTuple):
     speeds: Any
     entries: Any
     rotors: Any
+
+
+@kernel
+def sense(view, k):
+    """Read the pose; the true velocity goes along for the estimator that cheats."""
+    state, last = view.state[0], view.readings[0]
+    keep_pose(view.ring, state.pose, k)
+    pose = sense_pose(view.ring, view.weather[k].noise, last.pose, view.rates[0].every, k)
+    view.readings[0] = Readings(pose, state.twist, last.gyroscope, last.accelerometer)
+
+
+@kernel
+def sense_all(view, k):
+    """Read the pose and the inertial sensors."""
+    sense(view, k)
+    state, readings = view.state[0], view.readings[0]
+    felt = sense_inertial(
+        state.pose.attitude,
+        state.twist,
+        state.acceleration,
+        view.rates[0].gravity,
+        view.inertial[k],
+    )
+    view.readings[0] = Readings(
+        readings.pose, readings.velocity, felt.gyroscope, felt.accelerometer
+    )
+
+
+@kernel
+def foresee(view, k):
+    """Take the estimator's lag off the estimate."""
+    view.estimate[0] = advance(view.estimate[0], view.ahead[k])
 
 
 @kernel
@@ -145,8 +221,8 @@ def ended(status, well, k, cause):
 @kernel
 def allocate_command(view, k):
     """Turn the command to {A} and allocate it; what came of it goes to `delivery`."""
-    command, attitude = view.command[0].wrench, view.estimate[0].pose.attitude
-    R = rotation_matrix(boxplus(attitude, view.ahead[k].turn))
+    command = view.command[0].wrench
+    R = rotation_matrix(thrust_attitude(view.estimate[0], view.ahead[k]))
     asked = rotate_spatial_back(R, command)
     f, m = asked.linear, asked.angular
     finite = absolute(f[0] + f[1] + f[2] + m[0] + m[1] + m[2]) < LARGEST
@@ -154,9 +230,7 @@ def allocate_command(view, k):
     view.status[0] = status
     flying = status.end > k
     center = view.centers[k * int(view.joint_rows[0])]
-    achieved, missing, short = allocate(
-        view.problem, view.memory, asked, center, flying, view.commands
-    )
+    achieved, missing, short = allocate(view.problem, view.memory, asked, center, flying)
     residual = subtract_spatial(achieved, asked)
     view.residual[0] = select(short, residual, Spatial(ZERO, ZERO))
     view.delivery[0] = Delivery(

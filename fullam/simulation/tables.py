@@ -11,22 +11,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
 from fullam.control.controllers import controller_class
 from fullam.control.estimator import Estimator
 from fullam.control.signals import Target
 from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import Joint, JointMotion, composite_body, place_joints
-from fullam.dynamics.recursion import Chain
+from fullam.dynamics.recursion import Chain, Joint, JointMotion, composite_body, place_joints
 from fullam.model.chain import LinkChain
 from fullam.numbers.kernel import kernel
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector, scale
 from fullam.simulation.anticipation import Ahead
-from fullam.simulation.flight_plan import DIVERGENCE_PERIOD, FlightPlan, make_estimator
+from fullam.simulation.flight_plan import DIVERGENCE_PERIOD, FlightPlan, hover_speeds, make_estimator
 from fullam.simulation.plant import Stepping
-from fullam.simulation.stages import Bounds
+from fullam.simulation.stages import Bounds, Rates
 
 Array = NDArray[np.float64]
 
@@ -61,6 +61,7 @@ class Tables:
         arm_stride: 1, or 0 for a still arm.
         joint_rows: Rows of the arm in a control period.
         stepping: How the plant is integrated.
+        rates: How the sensors are read.
         bounds: Bounds of sense.
     """
 
@@ -83,6 +84,7 @@ class Tables:
         self.stepping = Rows(Stepping, [numbers])
         half_angle = 0.5 * np.radians(min(s.max_attitude_error_deg, 360.0))
         every = max(1, round(DIVERGENCE_PERIOD / s.control_period))
+        self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
         cosine = np.cos(half_angle) if half_angle < 0.5 * np.pi else 0.0
         self.bounds = Rows(Bounds, [[s.max_position_error**2, cosine, *mask, every]])
@@ -101,6 +103,17 @@ class Tables:
     def estimator(self) -> Estimator:
         """A fresh estimator."""
         return make_estimator(self.plan.simulation, self.plan.weather, self.plan.nominal.gravity)
+
+    def allocator(self) -> Allocator:
+        """A fresh allocator of the nominal rotors."""
+        plan = self.plan
+        axes = np.array(plan.scenario.axes_mask)
+        return Allocator(plan.nominal.rotors, axes=axes, vehicle_name=plan.nominal.name)
+
+    @cached_property
+    def hover(self) -> Array:
+        """Rotor speeds at take-off, shape (n_r,) [rad/s]."""
+        return hover_speeds(self.plan, self.allocator())
 
     @cached_property
     def placed(self) -> tuple[Rows, Rows]:
