@@ -185,9 +185,7 @@ class Block:
     def sense_view(self) -> SenseView:
         """What the sensors' stage is shown."""
         rates = self.tables.rates
-        return SenseView(
-            self.state, self.poses, self.weather, self.inertial, rates, self.readings
-        )
+        return SenseView(self.state, self.poses, self.weather, self.inertial, rates, self.readings)
 
     def estimate_view(self) -> EstimateView:
         """What the estimator's stage is shown."""
@@ -282,6 +280,16 @@ class Block:
         if end >= self.tables.periods:
             return self.tables.periods, "completed"
         return int(end), "diverged" if cause == DIVERGED else "not finite"
+
+    def last_command(self, lane: int = 0) -> Array:
+        """The wrench that the law asked for last, world axes, shape (6,)."""
+        wrench = self.command["wrench"][0]
+        return np.array(wrench[:, lane] if self.lanes else wrench)
+
+    def pose(self, lane: int, row: int) -> Array:
+        """The recorded pose of a row, shape (7,)."""
+        pose = self.entries["pose"][row]
+        return np.array(pose[:, lane] if self.lanes else pose)
 
 
 def numbers_of(part: KernelLaw | KernelEstimator) -> Rows:

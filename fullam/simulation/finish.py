@@ -25,11 +25,11 @@ def finish(
     reason: str,
     driver: str = "python",
 ) -> Run:
-    """Turn a log whose velocities are in body axes into a run.
+    """Turn what the stages wrote into a run.
 
     Args:
         plan: What was flown.
-        log: The columns of `LOGGED`, velocities in body axes.
+        log: Columns named as the fields of `stages.Entry` and `stages.RotorEntry`.
         rows: How many rows are written.
         outcome: "completed", "diverged" or "flying".
         reason: Why it diverged.
@@ -43,8 +43,7 @@ def finish(
     out["disturbance"] = plan.forecast.disturbance[:rows].copy()
     R_true = Rotation.from_quat(out["pose"][:, 3:]).as_matrix()
     R_told = Rotation.from_quat(out["measured_pose"][:, 3:]).as_matrix()
-    out["velocity"] = _turn(R_true, out["velocity"])
-    out["measured_velocity"] = _turn(R_told, out["measured_velocity"])
+    out["velocity"] = _turn(R_true, out.pop("twist"))
     R_thrust = R_told
     if plan.anticipation is not None:
         R_thrust = (

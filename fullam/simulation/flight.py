@@ -75,8 +75,7 @@ class Flight:
             advance(rule, rate, view, k)
 
         stages: dict[str, PythonStage] = {
-            name: (stage.kernel, look(stage.view))
-            for name, stage in block.common_stages().items()
+            name: (stage.kernel, look(stage.view)) for name, stage in block.common_stages().items()
         }
         stages |= {
             "estimate": (estimator, look(block.estimate_view())),

@@ -24,7 +24,12 @@ from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector, scale
 from fullam.simulation.anticipation import Ahead
-from fullam.simulation.flight_plan import DIVERGENCE_PERIOD, FlightPlan, hover_speeds, make_estimator
+from fullam.simulation.flight_plan import (
+    DIVERGENCE_PERIOD,
+    FlightPlan,
+    hover_speeds,
+    make_estimator,
+)
 from fullam.simulation.plant import Stepping
 from fullam.simulation.stages import Bounds, Rates
 
