@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import allocation_memory
 from fullam.control.controller import Controller
+from fullam.control.delivery import AllocateView, allocate_command
 from fullam.control.estimator import (
     EstimateView,
     Estimator,
@@ -29,7 +30,7 @@ from fullam.control.law import (
     command_stage,
     inform_stage,
 )
-from fullam.control.signals import Command, Delivery, Estimate
+from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Link
 from fullam.dynamics.spatial import Pose, Spatial
@@ -40,19 +41,14 @@ from fullam.numbers.records import Rows, columns, rows_of
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.plant import PlantView, Rotor, State, plant_stage, rotor_rows
 from fullam.simulation.stages import (
-    DIVERGED,
-    FOREVER,
     ORDER,
-    AllocateView,
     Entry,
     ForeseeView,
     RecordView,
     RotorEntry,
     SenseView,
-    Status,
     WatchView,
     Weather,
-    allocate_command,
     foresee,
     record_entry,
     sense,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fullam.control.controller import Controller, Measurement, ReferencePoint
 from fullam.control.estimator import Estimator, KernelEstimator
 from fullam.control.law import KernelLaw
-from fullam.control.signals import Command, Estimate
+from fullam.control.signals import NOT_FINITE, Command, Estimate
 from fullam.dynamics.integrators import integrator
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial, rotate_spatial_back
@@ -28,7 +28,6 @@ from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.plant import PinocchioRate, advance
 from fullam.simulation.run import Run
-from fullam.simulation.stages import NOT_FINITE
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]

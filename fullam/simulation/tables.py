@@ -6,7 +6,6 @@ Made once, read by every thread, written by none.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,14 @@ from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
 from fullam.control.controllers import controller_class
 from fullam.control.estimator import Estimator
-from fullam.control.signals import Target
+from fullam.control.signals import Ahead, Target
 from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import Chain, Joint, JointMotion, composite_body, place_joints
+from fullam.dynamics.placing import PlaceView, place
+from fullam.dynamics.recursion import Joint, JointMotion
 from fullam.model.chain import LinkChain
-from fullam.numbers.kernel import kernel
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
-from fullam.numbers.vectors import Vector, scale
-from fullam.simulation.anticipation import Ahead
+from fullam.numbers.vectors import Vector
 from fullam.simulation.flight_plan import (
     DIVERGENCE_PERIOD,
     FlightPlan,
@@ -34,23 +32,6 @@ from fullam.simulation.plant import Stepping
 from fullam.simulation.stages import Bounds, Rates
 
 Array = NDArray[np.float64]
-
-
-class PlaceView(NamedTuple):
-    """What `place` is shown: links, the arm's motion, and where its joints and centres go."""
-
-    links: Any
-    motions: Any
-    joints: Any
-    centers: Any
-
-
-@kernel
-def place(view, k):
-    """Joints of a row of the arm's motion, and the vehicle's centre of mass with it."""
-    place_joints(view.links, view.motions[k], view.joints[k])
-    whole = composite_body(Chain(view.links, view.joints[k]))
-    view.centers[k] = scale(1.0 / whole.mass, whole.first_moment)
 
 
 class Tables:
