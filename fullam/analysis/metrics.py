@@ -24,20 +24,16 @@ paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis.response import (
-    STEP_MINIMUM,
-    Response,
-    high_pass,
-    off_path,
-    overshoot,
-    settling_time,
-)
+from fullam.analysis.asked_motion import AskedMotion
+from fullam.analysis.deviation import track_of
+from fullam.analysis.judge import NOISE_SIGMAS, Figures, Judge
 from fullam.simulation.scenario import AXES
 
 if TYPE_CHECKING:
@@ -46,19 +42,6 @@ if TYPE_CHECKING:
     from fullam.simulation.weather import Weather
 
 Array = NDArray[np.float64]
-Maybe = float | None
-
-NOISE_SIGMAS = 2.0
-"""Narrowest settling band in standard deviations of the pose sensor's noise."""
-
-SHARE_INSIDE = 0.95
-"""Share of the rest of the response that a settled axis spends in its band, noise-aware."""
-
-HOLD_BAND = (20.0, 2.0)
-"""Settling band of an axis that does not step [mm, deg]."""
-
-TRANSIENT = 3.0
-"""Overshoot is sought at least this long after the jump, and until 1 s after settling [s]."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +82,16 @@ class AxisMetrics:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; lengths carry their unit in the key, as in `rms_mm`."""
-        lengths = ("step", "steady_error", "rms", "max_excursion", "jitter")
-        values = asdict(self)
-        unit = values.pop("unit")
-        return {f"{k}_{unit}" if k in lengths else k: v for k, v in values.items()}
+        return {axis_key(name, self.unit): getattr(self, name) for name in AXIS_FIGURES}
+
+
+AXIS_FIGURES = tuple(field.name for field in fields(AxisMetrics) if field.name != "unit")
+LENGTHS = ("step", "steady_error", "rms", "max_excursion", "jitter")
+
+
+def axis_key(name: str, unit: str) -> str:
+    """Key of a figure of an axis in JSON: lengths carry their unit."""
+    return f"{name}_{unit}" if name in LENGTHS else name
 
 
 @dataclass(frozen=True)
@@ -162,6 +151,12 @@ class Metrics:
         return values
 
 
+OPTIONAL = {
+    field.name for kind in (Metrics, AxisMetrics) for field in fields(kind) if "None" in field.type
+}
+"""Figures that may be None."""
+
+
 def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
     """All figures of a flight.
 
@@ -174,58 +169,17 @@ def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
     Returns:
         The figures; only the axes that the scenario controls count.
     """
+    controlled = np.array(run.scenario.axes_mask)
     if len(run) == 0:
-        return _unmeasured(run)
-    response, scenario, floors = Response.of(run), run.scenario, noise_floors(run.weather)
-    steady = response.steady
-    mask = np.array(scenario.axes_mask)
-    excursion = np.max(np.abs(off_path(response.error, response.step, mask)), axis=0)
-    position = np.where(mask[:3], response.error[:, :3], 0.0)
-    rotation = np.where(mask[3:], response.rotation, 0.0)
-    everything = np.hstack([response.error, position, rotation])
-    fast = high_pass(everything, response.period)[steady]
-    jitter = _rms(fast[:, :6])
-    axes = {}
-    for i in np.flatnonzero(mask):
-        floor = None if floors is None else floors[i // 3]
-        settling, overshoots = _transient(response, int(i), floor, run.diverged)
-        error = response.error[steady, i]
-        axes[AXES[i]] = AxisMetrics(
-            "mm" if i < 3 else "deg",
-            float(response.step[i]),
-            *settling,
-            *overshoots,
-            steady_error=float(np.mean(error)),
-            rms=float(_rms(error)),
-            max_excursion=float(excursion[i]),
-            jitter=float(jitter[i]),
-        )
-    stepping = [axis for axis in axes.values() if axis.step]
-    slowest = _latest([axis.settling_time_s for axis in axes.values()])
+        nothing = Figures.unknown(controlled, np.array([run.diverged]), np.array([False]))
+        return metrics_of(nothing)[0]
     vehicle = vehicle or run.vehicle
-    thrusts = np.square(run.rotor_speeds) @ vehicle.rotors.k_f
-    return Metrics(
-        settled=slowest is not None,
-        diverged=run.diverged,
-        settling_time_s=slowest,
-        settling_time_5_s=_latest([axis.settling_time_5_s for axis in axes.values()]),
-        settling_time_raw_s=_latest([axis.settling_time_raw_s for axis in stepping]),
-        overshoot_percent=_worst([axis.overshoot_percent for axis in stepping]),
-        overshoot_raw_percent=_worst([axis.overshoot_raw_percent for axis in stepping]),
-        overshoot_setpoint_percent=_worst([axis.overshoot_setpoint_percent for axis in stepping]),
-        rms_position_mm=_rms_norm(position[steady]),
-        rms_attitude_deg=_rms_norm(rotation[steady]),
-        steady_position_mm=float(np.linalg.norm(np.mean(position[steady], axis=0))),
-        steady_attitude_deg=float(np.linalg.norm(np.mean(rotation[steady], axis=0))),
-        max_excursion_mm=float(np.max(excursion[:3], where=mask[:3], initial=0.0)),
-        max_excursion_deg=float(np.max(excursion[3:], where=mask[3:], initial=0.0)),
-        jitter_position_mm=_rms_norm(fast[:, 6:9]),
-        jitter_attitude_deg=_rms_norm(fast[:, 9:]),
-        saturated_share=float(np.mean(run.saturated)),
-        effort=float(np.mean(thrusts)) / (vehicle.mass * vehicle.gravity),
-        duration_s=float(run.t[-1]),
-        axes=axes,
-    )
+    asked = AskedMotion.of(run.t, run.reference_pose, run.pose[0])
+    weight = vehicle.mass * vehicle.gravity
+    judge = Judge(asked, controlled, noise_floors(run.weather), weight)
+    thrust = np.square(run.rotor_speeds) @ vehicle.rotors.k_f
+    track = track_of(run.pose, run.saturated, thrust)
+    return metrics_of(judge.over(track).figures([len(run)], [run.diverged]))[0]
 
 
 def noise_floors(weather: Weather) -> tuple[float, float] | None:
@@ -236,51 +190,62 @@ def noise_floors(weather: Weather) -> tuple[float, float] | None:
     return (NOISE_SIGMAS * noise[0], NOISE_SIGMAS * noise[1])
 
 
-def _transient(
-    response: Response, i: int, floor: Maybe, diverged: bool
-) -> tuple[tuple[Maybe, Maybe, Maybe], tuple[Maybe, Maybe, Maybe]]:
-    """Settling times (2 %, 5 %, raw) and overshoots (step, raw, set point) of axis i."""
-    t, raw, step = response.t, response.error[:, i], float(response.step[i])
-    error = raw if floor is None else response.smoothed[:, i]
-    share = 1.0 if floor is None else SHARE_INSIDE
-
-    def settling(band: float) -> Maybe:
-        return None if diverged else settling_time(t, error, band, share)
-
-    if not step:
-        held = settling(HOLD_BAND[i // 3])
-        return (held, held, None), (None, None, None)
-    two, five = (settling(max(s * abs(step), floor or 0.0)) for s in (0.02, 0.05))
-    end = np.inf if floor is None or two is None else max(TRANSIENT, two + 1.0)
-    peak = overshoot(error[t <= end], step)
-    setpoint = abs(float(response.setpoint[i]))
-    of_setpoint = peak * abs(step) / setpoint if setpoint > STEP_MINIMUM[i // 3] else None
-    raw_two = None if diverged else settling_time(t, raw, 0.02 * abs(step))
-    return (two, five, raw_two), (peak, overshoot(raw, step), of_setpoint)
-
-
-def _unmeasured(run: Run) -> Metrics:
-    """Figures of a flight that ended before its first tick: nothing but its outcome."""
-    unknown: dict[str, Any] = {
-        field.name: None if "None" in str(field.type) else np.nan for field in fields(Metrics)
+def metrics_of(figures: Figures) -> list[Metrics]:
+    """The figures of flights, one object each."""
+    axes = {
+        name: [AxisMetrics(unit, *values) for values in zip(*columns.values(), strict=True)]
+        for name, unit, columns in _axes(figures)
     }
-    return Metrics(**unknown | {"settled": False, "diverged": run.diverged, "axes": {}})
+    per_flight = [
+        {name: those[k] for name, those in axes.items()} if measured else {}
+        for k, measured in enumerate(figures.measured)
+    ]
+    return [
+        Metrics(*values) for values in zip(*_flights(figures).values(), per_flight, strict=True)
+    ]
 
 
-def _rms(x: Array) -> Array:
-    return np.sqrt(np.mean(np.square(x), axis=0))
+def rows_of(figures: Figures) -> list[dict[str, Any]]:
+    """The figures of flights, one flat dictionary each, as `campaign_store.flatten` makes them."""
+    flights = {name: _optional(column) for name, column in _flights(figures).items()}
+    axes = {
+        f"{name}_{axis_key(figure, unit)}": column
+        for name, unit, columns in _axes(figures)
+        for figure, column in columns.items()
+    }
+    whole = flights | axes
+    rows = [dict(zip(whole, values, strict=True)) for values in zip(*whole.values(), strict=True)]
+    for row, measured in zip(rows, figures.measured, strict=True):
+        if not measured:
+            for name in axes:
+                del row[name]
+    return rows
 
 
-def _rms_norm(x: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(np.square(x), axis=1))))
+def _flights(figures: Figures) -> dict[str, list[Any]]:
+    """Columns of `Metrics` but for its axes, in order."""
+    columns = {
+        "settled": (figures.flight["settling_time_s"] >= 0.0).tolist(),
+        "diverged": figures.diverged.tolist(),
+    }
+    for name, values in (figures.flight | {"duration_s": figures.duration}).items():
+        if name in Metrics.__dataclass_fields__:
+            columns[name] = _optional(values.tolist()) if name in OPTIONAL else values.tolist()
+    return columns
 
 
-def _latest(times: list[Maybe]) -> Maybe:
-    """The largest; None if one is None or there is none."""
-    known = [time for time in times if time is not None]
-    return max(known) if known and len(known) == len(times) else None
+def _axes(figures: Figures) -> Iterator[tuple[str, str, dict[str, list[Any]]]]:
+    """Of each controlled axis name, unit, and columns of `AxisMetrics`, in order."""
+    known = figures.axes | figures.signals | {"step": figures.step}
+    columns = {name: known[name].tolist() for name in AXIS_FIGURES}
+    for i in np.flatnonzero(figures.controlled):
+        yield (
+            AXES[i],
+            "mm" if i < 3 else "deg",
+            {k: _optional(v[i]) if k in OPTIONAL else v[i] for k, v in columns.items()},
+        )
 
 
-def _worst(values: list[Maybe]) -> Maybe:
-    """The largest of those that are not None."""
-    return max((value for value in values if value is not None), default=None)
+def _optional(values: list[Any]) -> list[Any]:
+    """None in the place of NaN."""
+    return [None if value != value else value for value in values]
