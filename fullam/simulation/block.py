@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.allocation import allocation_memory
-from fullam.control.controller import Controller
 from fullam.control.delivery import AllocateView, allocate_command
 from fullam.control.estimator import (
     EstimateView,
@@ -29,12 +28,14 @@ from fullam.control.law import (
     KernelLaw,
     command_stage,
     inform_stage,
+    kernel_law,
+    not_fused,
+    numbers_of,
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Link
 from fullam.dynamics.spatial import Pose, Spatial
-from fullam.exceptions import SettingsError
 from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
@@ -288,26 +289,9 @@ class Block:
         return np.array(pose[:, lane] if self.lanes else pose)
 
 
-def numbers_of(part: KernelLaw | KernelEstimator) -> Rows:
-    """The settings of a law or an estimator as one row."""
-    numbers = part.numbers()
-    return Rows.of(type(numbers), [numbers])
-
-
 def in_order(stages: dict[str, Any]) -> dict[str, Any]:
     """Stages by name, in the order in which a control period calls them."""
     return {name: stages[name] for name in ORDER if name in stages}
-
-
-def kernel_law(law: Controller) -> KernelLaw:
-    """The law, if it is written as kernels.
-
-    Raises:
-        SettingsError: It is a class of its own.
-    """
-    if isinstance(law, KernelLaw):
-        return law
-    raise not_fused("controller", law.name, "KernelLaw")
 
 
 def kernel_estimator(estimator: Estimator) -> KernelEstimator:
@@ -319,13 +303,3 @@ def kernel_estimator(estimator: Estimator) -> KernelEstimator:
     if isinstance(estimator, KernelEstimator):
         return estimator
     raise not_fused("estimator", estimator.name, "KernelEstimator")
-
-
-def not_fused(field: str, name: str, base: str) -> SettingsError:
-    """The error for a class that machine code cannot fly."""
-    return SettingsError(
-        "driver 'fused'",
-        field,
-        f"'{name}' is not written as kernels",
-        f"fly it with driver='python', or derive it from {base}",
-    )
