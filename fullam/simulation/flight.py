@@ -265,9 +265,8 @@ def finish(
     out["measured_velocity"] = _turn(R_told, out["measured_velocity"])
     R_thrust = R_told
     if plan.anticipation is not None:
-        R_thrust = (
-            R_told @ Rotation.from_rotvec(plan.anticipation.rows["turn"][:rows].copy()).as_matrix()
-        )
+        turn = plan.anticipation.rows["turn"][:rows].copy()
+        R_thrust = R_told @ Rotation.from_rotvec(turn).as_matrix()
     if not all(plan.scenario.axes_mask):
         # On axes that nobody controls the allocation falls short without being saturated.
         asked_A = _turn(R_thrust.transpose(0, 2, 1), out["command"])
