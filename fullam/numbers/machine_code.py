@@ -66,7 +66,11 @@ def available() -> bool:
 
 def stage_code(kernel: Callable[..., Any], view: Any) -> Code:
     """Machine code of a kernel f(view, period) for views like this one: f(table, period)."""
-    return _code(_stage_key(kernel, describe(view)), kernel.__qualname__, lambda: _compile_stage(kernel, view))
+    return _code(
+        _stage_key(kernel, describe(view)),
+        kernel.__qualname__,
+        lambda: _compile_stage(kernel, view),
+    )
 
 
 @functools.cache

@@ -28,8 +28,9 @@ NOISY = {
 }
 
 
-def readings_of(pose, velocity=np.zeros(6), w=np.zeros(3), f=np.zeros(3)):
-    return record(Readings, np.concatenate([pose, velocity, w, f]))
+def readings_of(pose, *others):
+    """A record of the pose alone, or with velocity, gyroscope and accelerometer."""
+    return record(Readings, np.concatenate([pose, *(others or [np.zeros(12)])]))
 
 
 def follow(estimator, poses):
@@ -90,9 +91,10 @@ def test_tells_what_it_always_told(name):
     walk = np.cumsum(rng.normal(scale=0.02, size=(periods, 6)), axis=0)
     poses = pose_from_euler(walk[:, :3], walk[:, 3:])[np.arange(periods) // 5 * 5]
     velocity, w, f = (rng.normal(size=(periods, n)) for n in (6, 3, 3))
+    f[:, 2] += 9.81
     sheet = Datasheet(0.01, 0.02, 0.005, 0.05, delay_periods=3, pose_every=5)
     estimator, m = estimator_class(name)(sheet), Measurement(load_vehicle("fullam"))
-    for row in zip(poses, velocity, w, f + [0.0, 0.0, 9.81], strict=True):
+    for row in zip(poses, velocity, w, f, strict=True):
         estimator.update(readings_of(*row), m)
     np.testing.assert_allclose(np.append(m.q[:7], m.v[:6]), RECORDED[name], atol=1e-12)
 
@@ -207,15 +209,15 @@ def test_names_settings_and_datasheets_are_checked():
         estimator_class("oracle")
     with pytest.raises(SettingsError, match="cutoff"):
         FirstOrderSettings(0.0)
-    with pytest.raises(SettingsError, match="sampling_noise.*two numbers"):
+    with pytest.raises(SettingsError, match=r"sampling_noise.*two numbers"):
         KalmanSettings(sampling_noise=(0.1,))
     with pytest.raises(SettingsError, match="give a FirstOrderSettings"):
         FirstOrder(settings=KalmanSettings())
     with pytest.raises(SettingsError, match="period"):
         FirstOrder(period=0.0)
-    with pytest.raises(SettingsError, match="pose_every.*whole number of at least 1"):
+    with pytest.raises(SettingsError, match=r"pose_every.*whole number of at least 1"):
         Datasheet(pose_every=0)
-    with pytest.raises(SettingsError, match="delay_periods.*whole"):
+    with pytest.raises(SettingsError, match=r"delay_periods.*whole"):
         Datasheet(delay_periods=1.5)
 
 
@@ -224,7 +226,7 @@ def test_settings_are_made_by_name():
     assert made == KalmanSettings(sampling_noise=(0.1, 0.2))
     assert KalmanSettings(**made.to_dict()) == made
     assert make_estimator_settings("truth").to_dict() == {}
-    with pytest.raises(SettingsError, match="cutoff.*it has least_pose_noise"):
+    with pytest.raises(SettingsError, match=r"cutoff.*it has least_pose_noise"):
         make_estimator_settings("kalman", {"cutoff": 18.0})
     with pytest.raises(SettingsError, match="it has none"):
         make_estimator_settings("truth", {"cutoff": 18.0})

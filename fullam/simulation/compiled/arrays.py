@@ -216,7 +216,7 @@ def tables_of(plan: FlightPlan, links: Array) -> Tables:
     else:
         parts = [ahead.rows["pose"], ahead.rows["velocity"], np.zeros((N, 3)), ahead.rows["turn"]]
         rows = np.hstack(parts)
-        moving = rows.any(axis=1)
+        moving = np.array(rows.any(axis=1), dtype=np.bool_)
     return Tables(
         own(reference.pose),
         own(reference.velocity),
