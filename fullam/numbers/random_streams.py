@@ -204,6 +204,15 @@ def next_rare_normal(state, layers, layer, x):
     return state, x, height < math.exp(-0.5 * x * x)
 
 
+@kernel
+def draw_normals(state, layers, numbers):
+    """Draw normal numbers into a sequence, as `Generator.standard_normal` does."""
+    for i in range(len(numbers)):
+        state, x = next_normal(state, layers)
+        numbers[i] = x
+    return state
+
+
 @cache
 def ziggurat() -> Rows | None:
     """numpy's table of layers, as `Layer` rows; None if it is not found, or yields other numbers.
