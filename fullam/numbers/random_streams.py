@@ -130,7 +130,7 @@ def high_product(x, y):
 
 @kernel
 def advanced(high, low, more_high, more_low):
-    """a s + c for a state s and an increment c, all in halves."""
+    """A s + c for a state s and an increment c, all in halves."""
     top = high_product(low, MULTIPLIER[1]) + high * MULTIPLIER[1] + low * MULTIPLIER[0]
     bottom = low * MULTIPLIER[1] + more_low
     return top + more_high + U(bottom < more_low), bottom
@@ -215,7 +215,7 @@ def draw_normals(state, layers, numbers):
 
 @cache
 def ziggurat() -> Rows | None:
-    """numpy's table of layers, as `Layer` rows; None if it is not found, or yields other numbers.
+    """Numpy's table of layers, as `Layer` rows; None if it is not found, or yields other numbers.
 
     The table is numba's copy, read from its file alone: importing numba takes half a second, and
     what is compiled already does without.

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +19,10 @@ from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import draw_factors, factor_shares
 from fullam.model.vehicle import Vehicle
-from fullam.numbers.kernel import kernel
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Program, Stage, program
-from fullam.numbers.random_streams import Seed, draw_normals, seed_words, stream, ziggurat
+from fullam.numbers.random_streams import Seed, seed_words, ziggurat
 from fullam.numbers.records import Rows
-from fullam.numbers.vectors import Vector
 from fullam.simulation.drawn_weather import (
     GustEntry,
     GustView,
@@ -40,7 +37,7 @@ from fullam.simulation.drawn_weather import (
     draw_vehicle,
 )
 from fullam.simulation.true_vehicle import Nominal, RotorRow, nominal_rows, write_vehicle
-from fullam.simulation.weather import GustTable, Weather, forecast
+from fullam.simulation.weather import PAPER, GustTable, Weather, forecast
 
 Array = NDArray[np.float64]
 
@@ -108,18 +105,20 @@ class Drawn:
     def __init__(self, draws: Draws, lanes: int, inertial: bool, compiled: bool | None) -> None:
         """Lay out the rows; see `Draws.rows`."""
         self._draws, count = draws, draws.t.size
+        self._nominal = Nominal(*(rows.to_list() for rows in draws.nominal))
         self.noise = Rows.empty(Spatial, count, lanes=lanes)
         self.gust = Rows.empty(Spatial, count, lanes=lanes)
         self.inertial = Rows.empty(InertialNoise, count, lanes=lanes) if inertial else None
         self.links = Rows.empty(Link, len(draws.nominal.links.array), lanes=lanes)
         self.rotors = Rows.empty(RotorRow, len(draws.nominal.rotors.array), lanes=lanes)
-        for lane in range(max(lanes, 1)):
-            self._put_vehicle(np.ones_like(draws.shares), lane)
         self._seeds = Rows.empty(Seed, max(lanes, 1))
+        self._put_vehicle(np.ones_like(draws.shares), *range(len(self._seeds.array)))
         self._program: Program | None = None
-        layers = ziggurat() if agrees_with_numpy() and compiled is not False else None
-        if layers is not None:
-            self._program = program(list(self._stages(Source(self._seeds, layers))), True)
+        layers = ziggurat()
+        stages = list(self._stages(Source(self._seeds, layers)))
+        self._is_certain = not stages
+        if stages and layers is not None and compiled is not False and agrees_with_numpy(lanes):
+            self._program = program(stages, True)
 
     def fill(self, seeds: Sequence[int]) -> None:
         """Draw seeds, one a lane; lanes beyond them keep what they hold, which can be flown.
@@ -134,36 +133,33 @@ class Drawn:
         for seed in seeds:
             if not isinstance(seed, int | np.integer) or seed < 0:
                 raise ScenarioError("draws", "seed", f"is {seed!r}", "give a whole number from 0")
+        if self._is_certain or not seeds:
+            return
         words = [seed_words(int(seed)) for seed in seeds]
         if self._program is None or None in words:
             for lane, seed in enumerate(seeds):
                 self._fill_by_forecast(int(seed), lane)
-        elif words:
+        else:
             self._seeds.array[: len(words)] = words
             self._program.run(0, len(words))
 
     def _stages(self, source: Source) -> Iterator[Stage]:
         """What draws; nothing for what is certain."""
         weather, gusts, shares = self._draws.weather, self._draws.gusts, self._draws.shares
-        sigma = weather.noise_scale, weather.gust_scale
         room = Rows.empty(float, 6 * max(self._draws.t.size, gusts.gusts))
-        if sigma[0].any():
-            view = NoiseView(
-                source,
-                Rows(Spatial, sigma[:1]),
-                Rows(float, [[weather.noise_bound]]),
-                _first(room, 6 * self._draws.t.size),
-                Rows.empty(float, 6 * self._draws.t.size),
-                self.noise,
-            )
-            yield Stage(draw_noise, view)
-        if sigma[1].any() and gusts.period.size:
+        if weather.noise_scale.any():
+            yield _noise_stage(source, weather, room, self.noise)
+        if weather.gust_scale.any() and gusts.period.size:
             entries = np.stack([gusts.period, gusts.gust, gusts.share], axis=1)
             drawn = _first(room, 6 * gusts.gusts)
             yield Stage(
                 draw_gusts,
                 GustView(
-                    source, Rows(Spatial, sigma[1:]), Rows(GustEntry, entries), drawn, self.gust
+                    source,
+                    Rows(Spatial, weather.gust_scale[None]),
+                    Rows(GustEntry, entries),
+                    drawn,
+                    self.gust,
                 ),
             )
         inertial = [[weather.gyroscope_noise], [weather.accelerometer_noise]]
@@ -196,13 +192,14 @@ class Drawn:
             _put(self.inertial, np.concatenate(sensors, axis=1), lane)
         self._put_vehicle(draw_factors(draws.shares, draw.parameters), lane)
 
-    def _put_vehicle(self, factors: Array, lane: int) -> None:
+    def _put_vehicle(self, factors: Array, *lanes: int) -> None:
         """Write the rows of the vehicle with these factors."""
-        nominal = Nominal(*(rows.to_list() for rows in self._draws.nominal))
+        nominal = self._nominal
         links, rotors = [None] * len(nominal.links), [None] * len(nominal.rotors)
         write_vehicle(nominal, [*factors.tolist(), 1.0], links, rotors)
-        _put(self.links, Rows.of(Link, links).array, lane)
-        _put(self.rotors, Rows.of(RotorRow, rotors).array, lane)
+        for lane in lanes:
+            _put(self.links, Rows.of(Link, links).array, lane)
+            _put(self.rotors, Rows.of(RotorRow, rotors).array, lane)
 
 
 def _first(rows: Rows, count: int) -> Rows:
@@ -218,28 +215,31 @@ def _put(rows: Rows, values: Array, lane: int) -> None:
         rows.array[:] = values
 
 
-class _Sample(NamedTuple):
-    """Source, and room for normal numbers."""
-
-    source: Source
-    numbers: Any
-
-
-@kernel
-def _sample(view, lane):
-    draw_normals(stream(view.source.seeds[lane], 1), view.source.layers, view.numbers)
+def _noise_stage(source: Source, weather: Weather, room: Rows, noise: Rows) -> Stage:
+    count = 6 * len(noise.array)
+    view = NoiseView(
+        source,
+        Rows(Spatial, weather.noise_scale[None]),
+        Rows(float, [[weather.noise_bound]]),
+        _first(room, count),
+        Rows.empty(float, count),
+        noise,
+    )
+    return Stage(draw_noise, view)
 
 
 @cache
-def agrees_with_numpy() -> bool:
+def agrees_with_numpy(lanes: int = 0) -> bool:
     """Whether machine code can be had, and draws the normal numbers that this numpy draws.
 
-    numpy may change its algorithms from one version to the next, and then flies as it draws.
+    numpy may change its algorithms from one version to the next; then it has to draw itself.
     """
     layers = ziggurat() if available() else None
     if layers is None:
         return False
-    seeds, numbers = Rows.of(Seed, [seed_words(2**70 + 1)]), Rows.empty(float, 4096)
-    program([Stage(_sample, _Sample(Source(seeds, layers), numbers))], True).run(0, 1)
-    rng = np.random.default_rng(np.random.SeedSequence(2**70 + 1).spawn(2)[1])
-    return np.array_equal(numbers.array[:, 0], rng.standard_normal(4096))
+    seed, t = 2**70 + 1, np.arange(1000.0)
+    source = Source(Rows.of(Seed, [seed_words(seed)]), layers)
+    noise, room = Rows.empty(Spatial, t.size, lanes=lanes), Rows.empty(float, 6 * t.size)
+    program([_noise_stage(source, PAPER, room, noise)], True).run(0, 1)
+    drawn = noise.array[..., 0] if lanes else noise.array
+    return np.array_equal(drawn, forecast(PAPER, seed, t).pose_noise)

@@ -14,7 +14,7 @@ from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.elementary import decay
 from fullam.numbers.kernel import Number, kernel, maximum
-from fullam.numbers.records import Rows, one
+from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector, scale
 
 SHORTEST_LAG = 1e-12
@@ -25,7 +25,7 @@ class RotorRow(NamedTuple):
     """A rotor as the plant has it.
 
     Force and moment about the origin of {A} per squared speed, its column of eq. (34)
-    [N s^2, N m s^2]; exp(-h / lag) for half a plant step h and for a whole one.
+    [N/(rad/s)^2, N m/(rad/s)^2]; exp(-h / lag) for half a plant step h and for a whole one.
     """
 
     force: Vector
@@ -84,13 +84,16 @@ def nominal_rows(vehicle: Vehicle, plant_period: float) -> Nominal:
         np.concatenate([numbers["platform_inertia"], numbers["link_inertias"]]),
         np.concatenate([certain, numbers["link_coms"]]),
     ]
-    return Nominal(
+    nominal = Nominal(
         LinkRows.of(chain).rows,
         Rows(RotorData, _rotor_data(rotors)),
         Rows(LinkFactors, np.stack(link_factors, axis=1)),
         Rows(RotorFactors, np.stack([numbers[key] for key in ("k_f", "k_tau", "lag")], axis=1)),
         Rows(float, [[plant_period]]),
     )
+    for rows in nominal:
+        rows.array.setflags(write=False)
+    return nominal
 
 
 def _rotor_data(rotors: Rotors) -> Any:

@@ -204,7 +204,7 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
 
 @dataclass(frozen=True, eq=False)
 class GustTable:
-    """Which gusts each control period holds: gust k begins after k intervals.
+    """Which gusts each control period holds, as read-only columns; gust k begins after k intervals.
 
     A control period holds the mean over the period of every gust that it touches, so that the
     impulse is the same at every control rate.
@@ -239,7 +239,9 @@ class GustTable:
             blowing = ((overlap > 0.0) & (number >= 1)).nonzero()[0]
             share = np.minimum(overlap[blowing] / period, 1.0).round(9)
             entries.append((blowing, number[blowing], share))
-        columns = map(np.concatenate, zip(*entries, strict=True))
+        columns = [np.concatenate(column) for column in zip(*entries, strict=True)]
+        for column in columns:
+            column.setflags(write=False)
         return cls(t.size, int(last.max(initial=0)) + 1, *columns)
 
     def disturbance(self, weather: Weather, rng: np.random.Generator) -> Array:
