@@ -24,9 +24,9 @@ from fullam.analysis.response import (
     settle,
     smooth,
 )
-from fullam.numbers.kernel import Number, absolute, both, kernel, maximum, select, sqrt
+from fullam.numbers.kernel import Number, absolute, both, kernel, maximum, select, some, sqrt
 from fullam.numbers.program import Stage, program
-from fullam.numbers.records import Rows, columns
+from fullam.numbers.records import Rows
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class AxisTerms(NamedTuple):
     """How an axis is judged, in mm or deg.
 
     1 if the scenario controls it, else 0; signed step, 0 for a held axis; settling bands: 2 % and
-    5 %, raw 2 %; |set point|, 0 if it is too small to take a share of.
+    5 %, raw 2 %; |set point|, NaN if it is too small to take a share of.
     """
 
     controlled: Number
@@ -182,7 +182,7 @@ def judge_axes(view, _):
 
 @kernel
 def judge_axis(view, i):
-    """Settling times and overshoots, noise-aware and raw."""
+    """Settling times and overshoots, noise-aware and raw; a held axis has one settling time."""
     terms, axis, flight = view.terms, view.terms.axes[i], view.terms.flight[0]
     raw = view.signals[i]
     error = raw
@@ -191,22 +191,16 @@ def judge_axis(view, i):
         error = view.smoothed
     ended = view.diverged[0] > 0.0
     two = select(ended, NEVER, settle(terms.t, error, axis.band, terms.enough))
-    five = select(ended, NEVER, settle(terms.t, error, axis.band_5, terms.enough))
-    raw_two = select(ended, NEVER, settle(terms.t, raw, axis.band_raw, terms.enough_raw))
-    end = select(two >= 0.0, maximum(two + 1.0, flight.transient), math.inf)
-    peak = overshoot(terms.t, error, axis.step, end)
-    raw_peak = overshoot(terms.t, raw, axis.step, math.inf)
-    share = absolute(axis.step) / select(axis.setpoint > 0.0, axis.setpoint, 1.0)
-    steps = absolute(axis.step) > 0.0
-    return AxisFigures(
-        two,
-        five,
-        select(steps, raw_two, NEVER),
-        select(steps, peak, NEVER),
-        select(steps, raw_peak, NEVER),
-        select(both(steps, axis.setpoint > 0.0), peak * share, NEVER),
-        view.excursions[i][0],
-    )
+    five, raw_two, peak, raw_peak, share = two, NEVER, NEVER, NEVER, NEVER
+    if some(absolute(axis.step) > 0.0):
+        five = select(ended, NEVER, settle(terms.t, error, axis.band_5, terms.enough))
+        raw_two = select(ended, NEVER, settle(terms.t, raw, axis.band_raw, terms.enough_raw))
+        end = select(two >= 0.0, maximum(two + 1.0, flight.transient), math.inf)
+        peak = overshoot(terms.t, error, axis.step, end)
+        raw_peak = overshoot(terms.t, raw, axis.step, math.inf)
+        share = peak * (absolute(axis.step) / axis.setpoint)
+    excursion = view.excursions[i][0]
+    return AxisFigures(two, five, raw_two, peak, raw_peak, share, excursion)
 
 
 @kernel
@@ -356,8 +350,9 @@ class FigureProgram:
         view.diverged.array[0, 0] = diverged if view.diverged.lanes else diverged[0]
         self._program.run(0, 1)
 
-
-def by_name(rows: Rows) -> dict[str, Array]:
-    """Figures by name, each of shape (rows, lanes); one lane for a flight without lanes."""
-    array = rows.array if rows.lanes else rows.array[..., None]
-    return {name: array[:, at.start] for name, at in columns(rows.record).items()}
+    @property
+    def numbers(self) -> Array:
+        """`SignalFigures`, `AxisFigures` and `FlightFigures` of each lane, (lanes, numbers)."""
+        view = self.view
+        parts = (view.signal_figures, view.axis_figures, view.flight_figures)
+        return np.concatenate([rows.array.reshape(-1, rows.lanes or 1) for rows in parts]).T

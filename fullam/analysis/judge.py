@@ -23,11 +23,11 @@ from fullam.analysis.figures import (
     FlightTerms,
     SignalFigures,
     Terms,
-    by_name,
 )
 from fullam.analysis.high_pass import sections
 from fullam.analysis.response import JITTER_FREQUENCY, Path, path_numbers, rows_inside, window
 from fullam.numbers.records import Rows, columns
+from fullam.simulation.scenario import AXES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -45,48 +45,47 @@ TRANSIENT = 3.0
 """Overshoot is sought at least this long after the jump, and until 1 s after settling [s]."""
 
 
+ROTATION = ("rotation_x", "rotation_y", "rotation_z")
+
+FIGURES = (
+    *(f"{name}_{figure}" for name in (*AXES, *ROTATION) for figure in columns(SignalFigures)),
+    *(f"{name}_{figure}" for name in AXES for figure in columns(AxisFigures)),
+    *columns(FlightFigures),
+    *(f"{name}_step" for name in AXES),
+    *("duration_s", "settled", "diverged"),
+)
+"""Names of the numbers of a flight, in order: those of an axis begin with its name."""
+
+COLUMN = {name: i for i, name in enumerate(FIGURES)}
+
+
 @dataclass(frozen=True, eq=False)
 class Figures:
-    """Figures of some flights as arrays; NaN where there is none.
+    """Figures of some flights as numbers.
 
     Attributes:
         controlled: Axes that count, shape (6,).
-        diverged: Which flights ended early, shape (flights,).
-        measured: Which of them have rows at all, shape (flights,).
-        duration: Length of each [s], shape (flights,).
-        step: Jump of the reference that each has seen, shape (6, flights) [mm, deg].
-        signals: `SignalFigures` by name, shape (9, flights).
-        axes: `AxisFigures` by name, shape (6, flights).
-        flight: `FlightFigures` by name, shape (flights,).
+        numbers: The figures by `COLUMN`, NaN where there is none, shape (flights, numbers).
     """
 
     controlled: Flags
-    diverged: Flags
-    measured: Flags
-    duration: Array
-    step: Array
-    signals: dict[str, Array]
-    axes: dict[str, Array]
-    flight: dict[str, Array]
+    numbers: Array
 
     @classmethod
-    def unknown(cls, controlled: Flags, diverged: Flags, measured: Flags) -> Figures:
+    def unknown(cls, controlled: Flags, diverged: Flags) -> Figures:
         """Nothing but the outcome."""
-        count = len(diverged)
+        figures = cls(controlled, np.full((len(diverged), len(FIGURES)), np.nan))
+        figures["settled"][:], figures["diverged"][:] = 0.0, diverged
+        return figures
 
-        def empty(record: type, *rows: int) -> dict[str, Array]:
-            return {name: np.full((*rows, count), np.nan) for name in columns(record)}
+    def __getitem__(self, name: str) -> Array:
+        """One figure of every flight, shape (flights,), a view."""
+        return self.numbers[:, COLUMN[name]]
 
-        return cls(
-            controlled,
-            diverged,
-            measured,
-            np.full(count, np.nan),
-            np.zeros((6, count)),
-            empty(SignalFigures, 9),
-            empty(AxisFigures, 6),
-            empty(FlightFigures),
-        )
+    @property
+    def measured(self) -> Flags:
+        """Which flights have rows at all, shape (flights,)."""
+        return ~np.isnan(self["duration_s"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +145,7 @@ class Judge:
             two,
             five,
             0.02 * abs(step),
-            setpoint if setpoint > STEP_MINIMUM[half] else 0.0,
+            setpoint if setpoint > STEP_MINIMUM[half] else math.nan,
         )
 
 
@@ -183,9 +182,10 @@ class TrackJudge:
             diverged: Whether it diverged.
         """
         flown, ended = np.asarray(rows, dtype=int), np.asarray(diverged, dtype=bool)
-        figures = Figures.unknown(self._judge.controlled, ended, flown > 0)
-        for length in np.unique(flown[flown > 0]):
-            self._take(figures, int(length), np.flatnonzero(flown == length))
+        figures = Figures.unknown(self._judge.controlled, ended)
+        for length in sorted(set(flown.tolist()) - {0}):
+            self._take(figures, length, np.flatnonzero(flown == length))
+        figures["settled"][:] = figures["settling_time_s"] >= 0.0
         return figures
 
     def _take(self, figures: Figures, rows: int, flights: NDArray[np.intp]) -> None:
@@ -196,15 +196,10 @@ class TrackJudge:
             part = Rows(self._track.record, self._track.array[:rows], self._track.lanes)
             program = FigureProgram(judge.terms, part, self._compiled)
         ended = np.zeros(self._track.lanes or 1)
-        ended[flights] = figures.diverged[flights]
+        ended[flights] = figures["diverged"][flights]
         program.run(ended)
-        for target, source in (
-            (figures.signals, program.view.signal_figures),
-            (figures.axes, program.view.axis_figures),
-        ):
-            for name, values in by_name(source).items():
-                target[name][:, flights] = values[:, flights]
-        for name, values in by_name(program.view.flight_figures).items():
-            figures.flight[name][flights] = values[0, flights]
-        figures.duration[flights] = judge.asked.t[-1]
-        figures.step[:, flights] = judge.asked.step[:, None]
+        found = program.numbers
+        figures.numbers[flights, : found.shape[1]] = found[flights]
+        step = COLUMN[f"{AXES[0]}_step"]
+        figures.numbers[flights, step : step + 6] = judge.asked.step
+        figures["duration_s"][flights] = judge.asked.t[-1]

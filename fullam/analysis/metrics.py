@@ -24,8 +24,9 @@ paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container
 from dataclasses import dataclass, fields
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 
 from fullam.analysis.asked_motion import AskedMotion
 from fullam.analysis.deviation import track_of
-from fullam.analysis.judge import NOISE_SIGMAS, Figures, Judge
+from fullam.analysis.judge import COLUMN, NOISE_SIGMAS, Figures, Judge
 from fullam.simulation.scenario import AXES
 
 if TYPE_CHECKING:
@@ -82,16 +83,22 @@ class AxisMetrics:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; lengths carry their unit in the key, as in `rms_mm`."""
-        return {axis_key(name, self.unit): getattr(self, name) for name in AXIS_FIGURES}
+        return {axis_key(name, self.unit): _json(getattr(self, name)) for name in AXIS_FIGURES}
 
 
 AXIS_FIGURES = tuple(field.name for field in fields(AxisMetrics) if field.name != "unit")
+UNITS = ("mm",) * 3 + ("deg",) * 3
 LENGTHS = ("step", "steady_error", "rms", "max_excursion", "jitter")
 
 
 def axis_key(name: str, unit: str) -> str:
     """Key of a figure of an axis in JSON: lengths carry their unit."""
     return f"{name}_{unit}" if name in LENGTHS else name
+
+
+def _json(value: Any) -> Any:
+    """The value; None if it is NaN, which is not JSON."""
+    return None if value != value else value
 
 
 @dataclass(frozen=True)
@@ -145,12 +152,12 @@ class Metrics:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; the axes are nested under "axes", what could not be measured is None."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        values = {k: None if v != v else v for k, v in values.items()}  # NaN is not JSON
+        values: dict[str, Any] = {name: _json(getattr(self, name)) for name in FLIGHT_FIGURES}
         values["axes"] = {name: axis.to_dict() for name, axis in self.axes.items()}
         return values
 
 
+FLIGHT_FIGURES = tuple(field.name for field in fields(Metrics) if field.name != "axes")
 OPTIONAL = {
     field.name for kind in (Metrics, AxisMetrics) for field in fields(kind) if "None" in field.type
 }
@@ -171,7 +178,7 @@ def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
     """
     controlled = np.array(run.scenario.axes_mask)
     if len(run) == 0:
-        nothing = Figures.unknown(controlled, np.array([run.diverged]), np.array([False]))
+        nothing = Figures.unknown(controlled, np.array([run.diverged]))
         return metrics_of(nothing)[0]
     vehicle = vehicle or run.vehicle
     asked = AskedMotion.of(run.t, run.reference_pose, run.pose[0])
@@ -192,60 +199,45 @@ def noise_floors(weather: Weather) -> tuple[float, float] | None:
 
 def metrics_of(figures: Figures) -> list[Metrics]:
     """The figures of flights, one object each."""
-    axes = {
-        name: [AxisMetrics(unit, *values) for values in zip(*columns.values(), strict=True)]
-        for name, unit, columns in _axes(figures)
-    }
-    per_flight = [
-        {name: those[k] for name, those in axes.items()} if measured else {}
-        for k, measured in enumerate(figures.measured)
-    ]
-    return [
-        Metrics(*values) for values in zip(*_flights(figures).values(), per_flight, strict=True)
-    ]
+    controlled = np.flatnonzero(figures.controlled).tolist()
+    found = []
+    for measured, row in zip(figures.measured, _cells(figures, OPTIONAL), strict=True):
+        cells = iter(row)
+        whole = dict(zip(FLIGHT_FIGURES, islice(cells, len(FLIGHT_FIGURES)), strict=True))
+        axes = {
+            AXES[i]: AxisMetrics(UNITS[i], *islice(cells, len(AXIS_FIGURES))) for i in controlled
+        }
+        found.append(Metrics(**whole, axes=axes if measured else {}))
+    return found
 
 
 def rows_of(figures: Figures) -> list[dict[str, Any]]:
     """The figures of flights, one flat dictionary each, as `campaign_store.flatten` makes them."""
-    flights = {name: _optional(column) for name, column in _flights(figures).items()}
-    axes = {
-        f"{name}_{axis_key(figure, unit)}": column
-        for name, unit, columns in _axes(figures)
-        for figure, column in columns.items()
-    }
-    whole = flights | axes
-    rows = [dict(zip(whole, values, strict=True)) for values in zip(*whole.values(), strict=True)]
-    for row, measured in zip(rows, figures.measured, strict=True):
-        if not measured:
-            for name in axes:
-                del row[name]
+    keys = list(FLIGHT_FIGURES)
+    for i in np.flatnonzero(figures.controlled):
+        keys += [f"{AXES[i]}_{axis_key(name, UNITS[i])}" for name in AXIS_FIGURES]
+    rows = [dict(zip(keys, cells, strict=True)) for cells in _cells(figures)]
+    for k in np.flatnonzero(~figures.measured):
+        rows[k] = {name: rows[k][name] for name in FLIGHT_FIGURES}
     return rows
 
 
-def _flights(figures: Figures) -> dict[str, list[Any]]:
-    """Columns of `Metrics` but for its axes, in order."""
-    columns = {
-        "settled": (figures.flight["settling_time_s"] >= 0.0).tolist(),
-        "diverged": figures.diverged.tolist(),
-    }
-    for name, values in (figures.flight | {"duration_s": figures.duration}).items():
-        if name in Metrics.__dataclass_fields__:
-            columns[name] = _optional(values.tolist()) if name in OPTIONAL else values.tolist()
-    return columns
+def _cells(figures: Figures, optional: Container[str] | None = None) -> list[list[Any]]:
+    """Values of each flight: `FLIGHT_FIGURES`, then `AXIS_FIGURES` of each controlled axis.
 
-
-def _axes(figures: Figures) -> Iterator[tuple[str, str, dict[str, list[Any]]]]:
-    """Of each controlled axis name, unit, and columns of `AxisMetrics`, in order."""
-    known = figures.axes | figures.signals | {"step": figures.step}
-    columns = {name: known[name].tolist() for name in AXIS_FIGURES}
+    Args:
+        figures: The numbers.
+        optional: Figures for which None stands in the place of NaN; all of them by default.
+    """
+    names = [(name, name) for name in FLIGHT_FIGURES]
     for i in np.flatnonzero(figures.controlled):
-        yield (
-            AXES[i],
-            "mm" if i < 3 else "deg",
-            {k: _optional(v[i]) if k in OPTIONAL else v[i] for k, v in columns.items()},
-        )
-
-
-def _optional(values: list[Any]) -> list[Any]:
-    """None in the place of NaN."""
-    return [None if value != value else value for value in values]
+        names += [(name, f"{AXES[i]}_{name}") for name in AXIS_FIGURES]
+    values = figures.numbers[:, [COLUMN[column] for _, column in names]]
+    none = np.isnan(values)
+    if optional is not None:
+        none &= [name in optional for name, _ in names]
+    cells = values.astype(object)
+    cells[none] = None
+    cells[:, :2] = values[:, :2] > 0.0  # settled and diverged
+    rows: list[list[Any]] = cells.tolist()
+    return rows

@@ -131,12 +131,12 @@ def settle(t, error, band, enough):
 @kernel
 def overshoot(t, error, step, end):
     """Largest error beyond the target until a time, in percent; 0 if it never gets there."""
-    sign, size = select(step < 0.0, -1.0, 1.0), select(absolute(step) > 0.0, absolute(step), 1.0)
+    sign = select(step < 0.0, -1.0, 1.0)
     peak = 0.0
     for k in range(len(error)):
         beyond = sign * error[k]
         peak = select(both(t[k] <= end, beyond > peak), beyond, peak)
-    return 100.0 * peak / size
+    return 100.0 * peak / absolute(step)
 
 
 class Path(NamedTuple):
