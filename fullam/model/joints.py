@@ -12,6 +12,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from fullam.exceptions import VehicleError
+
 Array = NDArray[np.float64]
 
 FIRST = 2
@@ -64,12 +66,28 @@ class ArmJoints:
         return tuple("m" if slides else "deg" for slides in self.prismatic)
 
     @property
+    def unit_list(self) -> str:
+        """The units in one line, "m, deg, deg"."""
+        return ", ".join(self.units)
+
+    @property
     def rest(self) -> Array:
         """Where the arm is unless one says otherwise: 0, or the limit nearest to it [rad or m]."""
         return np.clip(np.zeros(len(self.names)), self.lower, self.upper)
 
     def from_typed(self, values: ArrayLike) -> Array:
-        """Positions in rad and m from those that a person types, in deg and m; shape (..., n)."""
+        """Positions in rad and m from those that a person types, in deg and m; shape (..., n).
+
+        Raises:
+            VehicleError: They are not one for each joint.
+        """
+        if np.shape(values)[-1:] != (len(self.names),):
+            raise VehicleError(
+                "the arm",
+                "joint positions",
+                f"have shape {np.shape(values)}",
+                f"give {len(self.names)} [{self.unit_list}]",
+            )
         return np.asarray(values, dtype=np.float64) * self._scale
 
     def to_typed(self, positions: ArrayLike) -> Array:
