@@ -125,7 +125,7 @@ def arm_joints(definition: Mapping[str, Any], where: str) -> tuple[str, ...]:
     """
     arm = definition.get("arm", [])
     if isinstance(arm, Mapping):
-        check_keys(arm, ARM_KEYS, where, "arm")
+        check_keys(arm, ARM_KEYS if "urdf" in arm else ARM_KEYS[:1], where, "arm")
         return names(arm, "joints", where)
     return names(definition, "arm", where)
 

@@ -110,6 +110,18 @@ class ArmJoints:
             return f"takes joint '{name}' to {reached}; it goes {self.range_of(k)}"
         return None
 
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Kind and limits of each joint, as (label, value, unit) of a report."""
+        rows = []
+        for k, name in enumerate(self.names):
+            kind = "prismatic" if self.prismatic[k] else "revolute"
+            if np.isinf(self.lower[k]) and np.isinf(self.upper[k]):
+                value = f"{kind}, without limits"
+            else:
+                value = f"{kind}, {self.range_of(k)}"
+            rows.append((f"joint {k + 1}, {name}", value, ""))
+        return rows
+
     def range_of(self, k: int) -> str:
         """Limits of joint k as text, "from -90 to 90 deg"."""
         lower, upper = self._typed(self.lower[k], k), self._typed(self.upper[k], k)
