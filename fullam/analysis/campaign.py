@@ -22,8 +22,8 @@ import fullam
 from fullam.analysis.cluster import open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import coordinates
-from fullam.control.controller import make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.controllers import make_settings
+from fullam.control.estimators import estimator_class
 from fullam.exceptions import (
     AllocationFailed,
     CampaignError,

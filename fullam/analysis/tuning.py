@@ -34,8 +34,8 @@ from fullam.analysis.campaign import FLIGHT_ENDED, cached_vehicle
 from fullam.analysis.cluster import Workers, open_workers
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import Response
-from fullam.control.controller import controller_class, make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.controllers import controller_class, make_settings
+from fullam.control.estimators import estimator_class
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle

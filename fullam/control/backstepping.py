@@ -51,13 +51,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.control.controller import (
-    ALL_AXES,
-    Controller,
-    Measurement,
-    ReferencePoint,
-    register,
-)
+from fullam.control.controller import ALL_AXES, Controller, Measurement, ReferencePoint
 from fullam.control.tracking import TrackingSettings
 from fullam.dynamics.pose_space import AttitudeView, pose_model
 from fullam.model.vehicle import Vehicle
@@ -124,13 +118,13 @@ class CompositeBody:
         return out
 
 
-@register("backstepping")
 class Backstepping(Controller):
     """Backstepping on platform and arm as one rigid body, whose shape follows the arm.
 
     `u_pid` is a, and `u_dc` what (B1) has besides inertia times a.
     """
 
+    name = "backstepping"
     Settings = BacksteppingSettings
     settings: BacksteppingSettings
 

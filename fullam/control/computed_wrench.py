@@ -18,12 +18,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.control.controller import (
-    ALL_AXES,
-    Measurement,
-    ReferencePoint,
-    register,
-)
+from fullam.control.controller import ALL_AXES, Measurement, ReferencePoint
 from fullam.control.pid import PidBase, PidSettings
 from fullam.model.vehicle import Vehicle
 
@@ -42,10 +37,10 @@ class ComputedWrenchSettings(PidSettings):
     attitude_gains: tuple[float, float, float] = (30.0, 0.0, 10.0)
 
 
-@register("computed-wrench")
 class ComputedWrench(PidBase):
     """Inverse dynamics of the whole vehicle and PD on the pose: the ideal bound."""
 
+    name = "computed-wrench"
     Settings = ComputedWrenchSettings
     settings: ComputedWrenchSettings
 

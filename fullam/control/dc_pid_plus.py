@@ -32,12 +32,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.control.caution import Caution
-from fullam.control.controller import (
-    ALL_AXES,
-    Measurement,
-    ReferencePoint,
-    register,
-)
+from fullam.control.controller import ALL_AXES, Measurement, ReferencePoint
 from fullam.control.dc_pid import DcPid, DcPidSettings
 from fullam.control.wrench_observer import WrenchObserver
 from fullam.model.vehicle import Vehicle
@@ -87,7 +82,6 @@ class DcPidPlusSettings(DcPidSettings):
         return self.wrench_lag(vehicle) / self.actuation_speedup
 
 
-@register("dc-pid-plus")
 class DcPidPlus(DcPid):
     """dc-PID with a wrench observer in place of integral action, and a lead on the rotors.
 
@@ -95,6 +89,7 @@ class DcPidPlus(DcPid):
         observer: The observer; its `wrench` is d.
     """
 
+    name = "dc-pid-plus"
     Settings = DcPidPlusSettings
     settings: DcPidPlusSettings
 

@@ -14,7 +14,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
-from fullam.control.estimator import Datasheet, Estimator, estimator_class
+from fullam.control.estimator import Datasheet, Estimator
+from fullam.control.estimators import estimator_class
+from fullam.control.first_order import FirstOrder
 from fullam.control.tracking import TrackingSettings
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
@@ -162,19 +164,18 @@ def _draw(weather: Weather, seed: int, t: Array, vehicle: Vehicle) -> tuple[Fore
 
 def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:
     """The estimator that the settings name, at their rates; it knows the noise's statistics."""
-    return estimator_class(simulation.estimator)(
-        simulation.control_period,
-        simulation.pose_period or simulation.control_period,
-        simulation.filter_cutoff,
-        Datasheet(
-            position_noise=weather.position_noise,
-            attitude_noise=float(np.radians(weather.attitude_noise_deg)),
-            gyroscope_noise=weather.gyroscope_noise,
-            accelerometer_noise=weather.accelerometer_noise,
-            delay_periods=simulation.delay_periods,
-            gravity=gravity,
-        ),
+    sheet = Datasheet(
+        position_noise=weather.position_noise,
+        attitude_noise=float(np.radians(weather.attitude_noise_deg)),
+        gyroscope_noise=weather.gyroscope_noise,
+        accelerometer_noise=weather.accelerometer_noise,
+        delay_periods=simulation.delay_periods,
+        pose_every=simulation.pose_every,
+        gravity=gravity,
     )
+    cls = estimator_class(simulation.estimator)
+    changes = {"cutoff": simulation.filter_cutoff} if issubclass(cls, FirstOrder) else {}
+    return cls(sheet, cls.Settings(**changes), simulation.control_period)
 
 
 def hover_speeds(plan: FlightPlan, allocator: Allocator) -> Array:

@@ -21,7 +21,7 @@ from fullam.analysis.tuning import (
     tuned_names,
     tuned_settings,
 )
-from fullam.control.controller import controller_names, make_settings
+from fullam.control.controllers import controller_names, make_settings
 from fullam.exceptions import SettingsError, UnknownName
 from fullam.simulation.simulate import simulate
 
