@@ -17,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.exceptions import UnknownName, VehicleError
+from fullam.model.articulation import build_model
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
@@ -209,7 +210,7 @@ def released_model(vehicle: Vehicle, joint: str) -> pin.Model:
     Its arm has one joint more, at the place of the released one; with the fixed end link of the
     default vehicle ("tool_joint") that is the paper's n = 5.
     """
-    model = pin.buildModelFromXML(release_joint(vehicle.urdf, joint), pin.JointModelFreeFlyer())
+    model = build_model(release_joint(vehicle.urdf, joint))
     model.gravity.linear = vehicle.model.gravity.linear
     model.name = vehicle.model.name
     return model

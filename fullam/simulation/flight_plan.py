@@ -22,7 +22,7 @@ from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
-from fullam.simulation.arm_motion import ArmTable
+from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.blending import blend_jumps, leaves_jumps
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
@@ -94,17 +94,13 @@ class FlightPlan:
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
-        angles = np.array(scenario.initial_arm_deg or (0.0,) * vehicle.n_arm, dtype=np.float64)
-        angles *= np.pi / 180.0
-        if angles.shape != (vehicle.n_arm,):
-            raise ScenarioError(
-                f"scenario '{scenario.name}'",
-                "initial_arm_deg",
-                f"has {angles.size} angles",
-                f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints",
-            )
         half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
-        arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
+        arm = tabulate_within_limits(
+            scenario.arm_motion,
+            half_steps * (0.5 * simulation.plant_period),
+            scenario.initial_arm(vehicle),
+            vehicle.joints,
+        )
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
         reference, anticipation = asked, None
         if isinstance(settings, TrackingSettings):
