@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis.flown import Flown
 from fullam.dynamics.so3 import Quaternion, compose, logarithm
 from fullam.numbers.elementary import arctan2
 from fullam.numbers.kernel import kernel, select, sqrt
@@ -20,6 +19,7 @@ from fullam.numbers.machine_code import available
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows, aligned, columns, size
 from fullam.numbers.vectors import Vector, scale, subtract
+from fullam.simulation.flown import Flown
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from fullam.control.delivery import AllocateView, allocate_command
 from fullam.control.estimator import (
     EstimateView,
     Estimator,
-    Inertial,
     KernelEstimator,
     Readings,
     estimate_stage,
@@ -33,14 +32,12 @@ from fullam.control.law import (
     numbers_of,
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status
-from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import Link
 from fullam.dynamics.spatial import Pose, Spatial
-from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
+from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight_plan import FlightPlan
-from fullam.simulation.plant import PlantView, Rotor, State, plant_stage, rotor_rows
+from fullam.simulation.plant import PlantView, State, plant_stage
 from fullam.simulation.stages import (
     ORDER,
     Entry,
@@ -49,7 +46,6 @@ from fullam.simulation.stages import (
     RotorEntry,
     SenseView,
     WatchView,
-    Weather,
     foresee,
     record_entry,
     sense,
@@ -95,10 +91,7 @@ class Block:
         self.command, self.delivery = self._empty(Command, 1), self._empty(Delivery, 1)
         self.residual = self._empty(Spatial, 1)
         self.speeds = self._empty(float, n)
-        self.weather = self._empty(Weather, periods)
-        self.inertial = self._empty(Inertial, periods if self.estimator.needs_inertial else 0)
-        self.links = self._empty(Link, len(tables.links.array))
-        self.rotor_rows = self._empty(Rotor, n)
+        self.drawn = tables.draws.rows(lanes, self.estimator.needs_inertial)
         self.problem, self.memory = self.allocator.problem(), allocation_memory(n, lanes)
         self.commands: Rows = self.memory.speeds
         kept = periods if record else 0
@@ -129,19 +122,15 @@ class Block:
         for rows in (self.commands, self.speeds):
             rows.array[:, 0].T[:] = self.tables.hover
 
+    def draw(self, seeds: Sequence[int]) -> None:
+        """Draw the weather and the true vehicles of seeds, one a lane."""
+        self.drawn.fill(seeds)
+
     def load(self, plan: FlightPlan) -> None:
         """Take the weather and the true vehicle of a plan; for one flight at a time."""
-        draw, true = plan.forecast, plan.true
-        self.weather.array[:] = np.hstack([draw.pose_noise, draw.disturbance])
-        if len(self.inertial.array):
-            noise = [draw.gyroscope_noise, draw.accelerometer_noise]
-            self.inertial.array[:] = np.hstack(noise)
-        self.links.array[:] = LinkRows.of(LinkChain.from_model(true.model)).rows.array
-        self.rotor_rows.array[:] = rotor_rows(true.rotors, plan.simulation.plant_period)
-
-    def draw(self, seeds: Sequence[int]) -> None:
-        """Draw the weather and the true vehicles of as many seeds as there are lanes."""
-        self.tables.draws.fill(seeds, self.weather, self.links, self.rotor_rows, self.inertial)
+        self.draw([plan.seed])
+        if plan.replaced is not None:
+            self.drawn.put(plan.replaced)
 
     # What flies, stage by stage; see `fullam.simulation.stages`.
 
@@ -181,8 +170,9 @@ class Block:
 
     def sense_view(self) -> SenseView:
         """What the sensors' stage is shown."""
-        rates = self.tables.rates
-        return SenseView(self.state, self.poses, self.weather, self.inertial, rates, self.readings)
+        rates, drawn = self.tables.rates, self.drawn
+        inertial = drawn.inertial or self._empty(InertialNoise, 0)
+        return SenseView(self.state, self.poses, drawn.noise, inertial, rates, self.readings)
 
     def estimate_view(self) -> EstimateView:
         """What the estimator's stage is shown."""
@@ -250,11 +240,11 @@ class Block:
         """What the plant is shown; `arm` as its derivative wants to see it."""
         return PlantView(
             self.state,
-            self.links,
+            self.drawn.links,
             arm,
-            self.rotor_rows,
+            self.drawn.rotors,
             self.tables.stepping,
-            self.weather,
+            self.drawn.gust,
             self.speeds,
             self.commands,
         )

@@ -143,6 +143,18 @@ class Drawn:
             self._seeds.array[: len(words)] = words
             self._program.run(0, len(words))
 
+    def put(self, vehicle: Vehicle) -> None:
+        """Write a vehicle of one's own, of the nominal one's joints and rotors, for all lanes."""
+        own = nominal_rows(vehicle, float(self._draws.nominal.period.array[0, 0]))
+        links, rotors = own.links.array, [None] * len(own.rotors.array)
+        exact = np.ones(self._draws.shares.size + 1).tolist()
+        write_vehicle(
+            Nominal(*(rows.to_list() for rows in own)), exact, [None] * len(links), rotors
+        )
+        for lane in range(len(self._seeds.array)):
+            _put(self.links, links, lane)
+            _put(self.rotors, Rows.of(RotorRow, rotors).array, lane)
+
     def _stages(self, source: Source) -> Iterator[Stage]:
         """What draws; nothing for what is certain."""
         weather, gusts, shares = self._draws.weather, self._draws.gusts, self._draws.shares

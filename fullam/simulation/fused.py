@@ -84,8 +84,7 @@ def run_of(block: Block, plan: FlightPlan, lane: int = 0) -> Run:
     rows, outcome = block.ending(lane)
     if outcome == "not finite":
         raise NonFiniteWrench(block.last_command(lane))
-    log = block.columns(lane)
     reason = ""
     if outcome == "diverged":
-        reason = divergence(plan, rows, block.pose(lane, rows)) or ""
-    return finish(plan, log, rows, outcome, reason, "fused")
+        reason = divergence(plan, rows, block.pose(lane, rows)) or "not finite"
+    return finish(plan, block.columns(lane), rows, outcome, reason, "fused")

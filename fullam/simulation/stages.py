@@ -37,17 +37,6 @@ ORDER = (
 """The stages, as a control period calls them."""
 
 
-class Weather(NamedTuple):
-    """A control period of the weather.
-
-    Noise of the pose, position (world) and attitude (tangent at {A}); gust on the platform at its
-    origin, world axes.
-    """
-
-    noise: Spatial
-    gust: Spatial
-
-
 class Bounds(NamedTuple):
     """Bounds of sense around the target.
 
@@ -103,7 +92,7 @@ class SenseView(NamedTuple):
 
     state: Any
     ring: Any
-    weather: Any
+    noise: Any
     inertial: Any
     rates: Any
     readings: Any
@@ -135,7 +124,7 @@ def sense(view, k):
     """Read the pose; the true velocity goes along for the estimator that cheats."""
     state, last = view.state[0], view.readings[0]
     keep_pose(view.ring, state.pose, k)
-    pose = sense_pose(view.ring, view.weather[k].noise, last.pose, view.rates[0].every, k)
+    pose = sense_pose(view.ring, view.noise[k], last.pose, view.rates[0].every, k)
     view.readings[0] = Readings(pose, state.twist, last.gyroscope, last.accelerometer)
 
 

@@ -22,6 +22,7 @@ from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
+from fullam.simulation.draws import Draws
 from fullam.simulation.flight_plan import (
     DIVERGENCE_PERIOD,
     FlightPlan,
@@ -95,6 +96,12 @@ class Tables:
         plan = self.plan
         axes = np.array(plan.scenario.axes_mask)
         return Allocator(plan.nominal.rotors, axes=axes, vehicle_name=plan.nominal.name)
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Draws the weather and the true vehicle of any seed."""
+        plan = self.plan
+        return Draws.of(plan.nominal, plan.weather, plan.t, plan.simulation.plant_period)
 
     @cached_property
     def hover(self) -> Array:
