@@ -7,7 +7,7 @@ flight or as many as it has lanes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
 from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.flown import Flown, TrackView, write_track
 from fullam.simulation.plant import PlantView, State, plant_stage
 from fullam.simulation.stages import (
     ORDER,
@@ -55,6 +56,7 @@ from fullam.simulation.stages import (
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
+Keep = Literal["record", "track"]
 
 
 class Block:
@@ -68,19 +70,20 @@ class Block:
         state: The platform, one row of `plant.State`.
         status: Whether it still flies, one row of `Status`.
         speeds: Rotor speeds, n_r rows.
-        entries: The record, a row a control period; no rows if none is kept.
+        entries: The record, a row a control period, if it is kept.
         rotors: Its rotors' part, (periods, n_r).
+        track: The track, a row a control period, if that is kept.
     """
 
-    def __init__(self, tables: Tables, lanes: int = 0, record: bool = True) -> None:
+    def __init__(self, tables: Tables, lanes: int = 0, keep: Keep = "record") -> None:
         """Make the rows.
 
         Args:
             tables: What the flights share.
             lanes: Flights at a time; 0 for one, as scalars.
-            record: Whether to keep a record.
+            keep: What the flights write: the whole record, or the track that figures need.
         """
-        self.tables, self.lanes = tables, lanes
+        self.tables, self.lanes, self.keep = tables, lanes, keep
         plan, periods = tables.plan, tables.periods
         n = plan.nominal.rotors.count
         self.law, self.estimator = tables.controller(), tables.estimator()
@@ -94,8 +97,9 @@ class Block:
         self.drawn = tables.draws.rows(lanes, self.estimator.needs_inertial)
         self.problem, self.memory = self.allocator.problem(), allocation_memory(n, lanes)
         self.commands: Rows = self.memory.speeds
-        kept = periods if record else 0
+        kept = periods if keep == "record" else 0
         self.entries, self.rotors = self._empty(Entry, kept), self._empty(RotorEntry, kept, n)
+        self.track = self._empty(Flown, periods - kept)
         self.law_memory: Any = None
         self.estimator_memory: Any = None
         self._law_numbers = self._estimator_numbers = None
@@ -164,8 +168,10 @@ class Block:
         }
         if t.plan.anticipation is not None:
             stages["foresee"] = Stage(foresee, ForeseeView(t.ahead, self.estimate))
-        if len(self.entries.array):
+        if self.keep == "record":
             stages["record"] = Stage(record_entry, self.record_view())
+        else:
+            stages["record"] = Stage(write_track, self.track_view())
         return stages
 
     def sense_view(self) -> SenseView:
@@ -236,6 +242,11 @@ class Block:
             self.rotors,
         )
 
+    def track_view(self) -> TrackView:
+        """What the stage that writes the track is shown."""
+        coefficients = self.tables.thrust_coefficients
+        return TrackView(self.state, self.delivery, self.speeds, coefficients, self.track)
+
     def plant_view(self, arm: Rows) -> PlantView:
         """What the plant is shown; `arm` as its derivative wants to see it."""
         return PlantView(
@@ -275,7 +286,7 @@ class Block:
 
     def pose(self, lane: int, row: int) -> Array:
         """The recorded pose of a row, shape (7,)."""
-        pose = self.entries["pose"][row]
+        pose = (self.entries if self.keep == "record" else self.track)["pose"][row]
         return np.array(pose[:, lane] if self.lanes else pose)
 
 

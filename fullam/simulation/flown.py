@@ -5,10 +5,10 @@ A campaign that keeps no records writes these rows alone, into the same `Rows` b
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fullam.dynamics.spatial import Pose
-from fullam.numbers.kernel import Number
+from fullam.numbers.kernel import Number, kernel
 
 
 class Flown(NamedTuple):
@@ -20,3 +20,22 @@ class Flown(NamedTuple):
     pose: Pose
     saturated: Number
     thrust: Number
+
+
+class TrackView(NamedTuple):
+    """What `write_track` is shown; `thrust_coefficients` are the nominal k_f."""
+
+    state: Any
+    delivery: Any
+    speeds: Any
+    thrust_coefficients: Any
+    track: Any
+
+
+@kernel
+def write_track(view, k):
+    """Write the row of period k, before the vehicle moves on."""
+    thrust = 0.0
+    for i in range(len(view.speeds)):
+        thrust = thrust + view.thrust_coefficients[i] * (view.speeds[i] * view.speeds[i])
+    view.track[k] = Flown(view.state[0].pose, view.delivery[0].saturated, thrust)

@@ -49,6 +49,7 @@ class Tables:
         joint_rows: Rows of the arm in a control period.
         stepping: How the plant is integrated.
         rates: How the sensors are read.
+        thrust_coefficients: k_f of the nominal rotors, n_r numbers.
         bounds: Bounds of sense.
     """
 
@@ -71,6 +72,7 @@ class Tables:
         self.stepping = Rows(Stepping, [numbers])
         half_angle = 0.5 * np.radians(min(s.max_attitude_error_deg, 360.0))
         every = max(1, round(DIVERGENCE_PERIOD / s.control_period))
+        self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
         cosine = np.cos(half_angle) if half_angle < 0.5 * np.pi else 0.0
