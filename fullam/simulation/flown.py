@@ -33,9 +33,16 @@ class TrackView(NamedTuple):
 
 
 @kernel
+def total_thrust(coefficients, speeds):
+    """Sum of k_f Omega^2 over the rotors [N]."""
+    thrust = 0.0
+    for i in range(len(speeds)):
+        thrust = thrust + coefficients[i] * (speeds[i] * speeds[i])
+    return thrust
+
+
+@kernel
 def write_track(view, k):
     """Write the row of period k, before the vehicle moves on."""
-    thrust = 0.0
-    for i in range(len(view.speeds)):
-        thrust = thrust + view.thrust_coefficients[i] * (view.speeds[i] * view.speeds[i])
+    thrust = total_thrust(view.thrust_coefficients, view.speeds)
     view.track[k] = Flown(view.state[0].pose, view.delivery[0].saturated, thrust)

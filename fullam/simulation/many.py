@@ -107,7 +107,7 @@ def fly_blocks(
 def _in_threads(
     fly: Callable[[Sequence[int]], list[Result]], blocks: Iterator[list[int]], threads: int
 ) -> Iterator[list[Result]]:
-    """Results in order; when the generator is closed, blocks in the air land and no others start."""
+    """Results in order; closed early, blocks in the air land and no others start."""
     with ThreadPoolExecutor(threads) as pool:
         waiting: deque[Future[list[Result]]] = deque()
 
