@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from fullam.control.controller import make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.controllers import make_settings
+from fullam.control.estimators import estimator_class
 from fullam.exceptions import CampaignError
 
 

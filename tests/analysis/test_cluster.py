@@ -46,7 +46,7 @@ sweep(campaign, sys.argv[1], jobs=int(sys.argv[2]), progress=tell)
 OWN = """
 import sys
 from fullam.analysis.campaign import Campaign, sweep
-from fullam.control.controller import register
+from fullam.control.controllers import register
 from fullam.control.pid import Pid
 from fullam.simulation.scenario import Scenario
 

@@ -11,7 +11,7 @@ pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.analysis.provenance import cached_vehicle, class_digest, is_ours, versions
 from fullam.control import controller as controllers
-from fullam.control.controller import controller_class
+from fullam.control.controllers import controller_class
 from fullam.exceptions import CampaignError
 from fullam.model.loading import vehicle_path
 from fullam.simulation.scenario import Scenario
@@ -20,7 +20,7 @@ CONTROLLER = '''
 """A law of a user's own."""
 from dataclasses import dataclass
 from {helper} import gain
-from fullam.control.controller import register
+from fullam.control.controllers import register
 from fullam.control.pid import Pid
 
 @dataclass(frozen=True)
