@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.analysis.asked_motion import STEP_MINIMUM, AskedMotion
-from fullam.analysis.figures import (
+from fullam.analysis.figure_records import (
     AxisFigures,
     AxisTerms,
-    FigureProgram,
     FlightFigures,
     FlightTerms,
     SignalFigures,
     Terms,
 )
+from fullam.analysis.figures import FigureProgram
 from fullam.analysis.high_pass import sections
 from fullam.analysis.response import JITTER_FREQUENCY, Path, path_numbers, rows_inside, window
 from fullam.numbers.records import Rows, columns

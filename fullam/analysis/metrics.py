@@ -13,10 +13,10 @@ readings are given:
   (`response.SMOOTHING`), against 2 % (5 %) of the step but never less than `judge.NOISE_SIGMAS`
   standard deviations of the pose sensor's noise, because no controller can hold what its sensor
   cannot see. Inside means `judge.SHARE_INSIDE` of the time from then on, what two standard
-  deviations promise, and at least half of the response must be left to show it. Overshoot is sought in the
-  transient only; later peaks are answers to gusts. The rule follows from scenario and weather
-  alone, so it is the same for every controller. In weather without noise and gusts both readings
-  are the raw one.
+  deviations promise, and at least half of the response must be left to show it. Overshoot is
+  sought in the transient only; later peaks are answers to gusts. The rule follows from scenario
+  and weather alone, so it is the same for every controller. In weather without noise and gusts
+  both readings are the raw one.
 
 An axis that does not step has settled when it is inside `judge.HOLD_BAND`, which is also 2 %
 of the paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
