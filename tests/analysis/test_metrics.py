@@ -365,6 +365,6 @@ def test_a_slow_response_overshoots_until_one_second_after_it_settled(make_run):
     target = along(0, np.full(t.size, 2.0))
     metrics = measure(make_run(along(0, x), reference_position=target, weather=RECORDED))
     assert 4.0 < metrics.settling_time_s < 4.5
-    # The average over 0.2 s rounds the peak off, by a tenth of it on either slope.
-    assert metrics.overshoot_percent == pytest.approx(10.0, abs=2.5)
+    # Averaged over 0.1 s of either slope, 0.275 and 0.2 m/s, the peak of 10 % loses 1.2 %.
+    assert metrics.overshoot_percent == pytest.approx(8.8, abs=0.2)
     assert metrics.overshoot_raw_percent == pytest.approx(30.0, rel=ROUNDING)
