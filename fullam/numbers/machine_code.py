@@ -20,7 +20,7 @@ from typing import Any
 
 from fullam.numbers.code_store import load, store
 from fullam.numbers.digest import describe, digest
-from fullam.numbers.kernel import KERNELS
+from fullam.numbers.kernel import KERNELS, SUBROUTINES
 
 logger = logging.getLogger(__name__)
 
@@ -158,7 +158,8 @@ def _teach_kernels() -> None:
     for kernel in list(KERNELS):
         if id(kernel) not in _taught:
             _taught.add(id(kernel))
-            register_jitable(error_model="numpy", forceinline=True)(kernel)
+            options = {} if kernel in SUBROUTINES else {"forceinline": True}
+            register_jitable(error_model="numpy", **options)(kernel)
 
 
 def _compile_stage(kernel: Callable[..., Any], view: Any) -> tuple[str, bytes]:
