@@ -6,15 +6,9 @@ be watched and interrupted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
-
 from fullam.exceptions import NonFiniteWrench
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Program, program
-from fullam.numbers.records import flat
 from fullam.simulation.block import Block
 from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
