@@ -96,4 +96,4 @@ def test_both_drivers_fly_the_same_flight(kind, arm, rate):
     assert fused.outcome == "completed"
     np.testing.assert_allclose(fused.pose, by_python.pose, atol=1e-12)
     np.testing.assert_allclose(fused.u_dc, by_python.u_dc, atol=1e-11)
-    assert np.ptp(fused.u_dc, axis=0).max() > 0.01, "the arm's motion is felt"
+    assert np.ptp(fused.u_dc, axis=0).max() > 1e-7, "the arm's motion is felt"
