@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import butter, sosfiltfilt
-from scipy.spatial.transform import Rotation
 
+from fullam.dynamics import quaternions
 from fullam.dynamics.pose_space import euler_from_pose
 
 if TYPE_CHECKING:
@@ -65,14 +63,14 @@ class Response:
         change = _wrapped(np.diff(reference, axis=0, prepend=pose[:1]))
         start = last_jump(change)
         error = _wrapped(pose - reference)[start:]
-        attitude = Rotation.from_quat(run.pose[start:, 3:])
-        desired = Rotation.from_quat(run.reference_pose[start:, 3:])
+        back = quaternions.inverse(run.reference_pose[start:, 3:])
+        off = quaternions.to_rotation_vector(quaternions.product(run.pose[start:, 3:], back))
         jumped = np.abs(change[start]) > np.repeat(STEP_MINIMUM, 3)
         return cls(
             start=float(run.t[start]),
             t=run.t[start:] - run.t[start],
             error=error,
-            rotation=np.degrees((attitude * desired.inv()).as_rotvec()),
+            rotation=np.degrees(off),
             step=np.where(jumped, change[start], 0.0),
             setpoint=reference[-1],
             period=float(run.t[1] - run.t[0]) if len(run) > 1 else 0.0,
@@ -86,6 +84,8 @@ class Response:
     @cached_property
     def smoothed(self) -> Array:
         """Centred moving average of the error; at the ends the edge value is repeated."""
+        from scipy.ndimage import uniform_filter1d  # slow to import
+
         window = min(self.t.size, 2 * round(0.5 * SMOOTHING / max(self.period, 1e-9)) + 1)
         return uniform_filter1d(self.error, window, axis=0, mode="nearest")
 
@@ -159,6 +159,8 @@ def high_pass(signal: Array, period: float) -> Array:
     """What is above `JITTER_FREQUENCY`: Butterworth of order 4, run forth and back, (N, k)."""
     if period <= 0.0 or 0.5 / period <= JITTER_FREQUENCY or len(signal) <= 1.0 / period:
         return np.zeros_like(signal)  # too short to tell jitter from the transient
+    from scipy.signal import butter, sosfiltfilt  # slow to import
+
     sos = butter(4, JITTER_FREQUENCY, "highpass", fs=1.0 / period, output="sos")
     return np.asarray(sosfiltfilt(sos, signal, axis=0))
 
