@@ -37,7 +37,7 @@ def from_rotation_vector(v: Array) -> Array:
 
 
 def to_rotation_vector(q: Array) -> Array:
-    """2 atan2(|u|, w) u/|u| by the shorter way round, of length at most pi; (..., 4) to (..., 3)."""
+    """2 atan2(|u|, w) u/|u| by the shorter way, at most pi long; (..., 4) to (..., 3) [rad]."""
     q = np.where(q[..., 3:] < 0.0, -q, q)
     length = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
     still = length == 0.0

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import functools
 import platform
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
-import fullam.version
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.run import COLUMNS, FORMAT, Run
+from fullam.version import __version__, version_of
 
 Array = NDArray[np.float64]
 
@@ -85,9 +84,9 @@ DECISIVE_FOR = {"fused": ("numba", "llvmlite")}
 def _versions(driver: str) -> dict[str, str]:
     """What flew: versions of this package, Python and all that decides the last bits."""
     return {
-        "fullam": fullam.version.__version__,
+        "fullam": __version__,
         "python": platform.python_version(),
-        **{name: version(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
+        **{name: version_of(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
     }
 
 
