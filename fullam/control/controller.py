@@ -113,6 +113,13 @@ class Controller(ABC):
         """A copy is a fresh controller: views into workspaces cannot be copied."""
         return type(self), (self.vehicle, self.settings, self.period, self.axes)
 
+    def thrust_lag(self) -> float:
+        """Time constant with which the law sees its wrench follow its command [s].
+
+        The mean lag of the nominal rotors, unless the law does something about it.
+        """
+        return float(self.vehicle.rotors.lags.mean())
+
     @abstractmethod
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
         """Forget the past: integrators to zero, filters to the first measurement."""

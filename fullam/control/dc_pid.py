@@ -22,16 +22,17 @@ from fullam.control.pid import (
     PidBase,
     PidMemory,
     PidSettings,
-    bounded,
     delivered,
     drained,
     integrated,
     pid,
     pose_error,
     start,
+    within_bounds,
 )
 from fullam.control.signals import Command, Estimate, Target
-from fullam.dynamics import recursion
+from fullam.dynamics.recursion import compensation as recursive_compensation
+from fullam.dynamics.recursion import platform_acceleration as recursive_acceleration
 from fullam.dynamics.recursion import platform_wrench
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
@@ -119,10 +120,9 @@ def dc_pid(compensation, numbers, chain, estimate, target, memory):
     u_pid = pid(numbers.gains, e, de, memory.integral, target.acceleration)  # (19)
     u_dc = compensation(chain, R, w, u_pid, g)  # (20)
     u = add_spatial(platform_wrench(chain, R, u_pid), u_dc)  # (26)
-    within = bounded(numbers.limits, u)
     integral = integrated(numbers.gains, memory.integral, e)
-    integral = drained(numbers.limits, integral, R, subtract_spatial(within, u))
-    return Command(within, u_pid, u_dc), PidMemory(integral)
+    u, integral = within_bounds(numbers.limits, R, u, integral)
+    return Command(u, u_pid, u_dc), PidMemory(integral)
 
 
 @kernel
@@ -145,12 +145,10 @@ def dc_pid_previous(compensation, acceleration, numbers, chain, estimate, target
         again = acceleration(chain, R, w, add_spatial(inertial, u_dc), g)
         u_dc = compensation(chain, R, w, select(known, again, u_pid), g)
     u = add_spatial(inertial, u_dc)  # (26)
-    within = bounded(numbers.limits, u)
     integral = integrated(numbers.gains, memory.integral, e)
-    integral = drained(numbers.limits, integral, R, subtract_spatial(within, u))
-    at_hand, share = rotate_spatial_back(R, within), rotate_spatial_back(R, inertial)
-    has_hand = 0.0 * memory.has_hand + 1.0
-    return Command(within, u_pid, u_dc), PreviousMemory(integral, at_hand, share, has_hand)
+    u, integral = within_bounds(numbers.limits, R, u, integral)
+    at_hand, share = rotate_spatial_back(R, u), rotate_spatial_back(R, inertial)
+    return Command(u, u_pid, u_dc), PreviousMemory(integral, at_hand, share, 1.0)
 
 
 @kernel
@@ -175,14 +173,21 @@ def delivered_previous(numbers, chain, estimate, memory, delivery):
 @kernel
 def command(numbers, chain, estimate, target, memory):
     """`dc_pid` on the recursion."""
-    return dc_pid(recursion.compensation, numbers, chain, estimate, target, memory)
+    return dc_pid(recursive_compensation, numbers, chain, estimate, target, memory)
 
 
 @kernel
 def command_previous(numbers, chain, estimate, target, memory):
     """`dc_pid_previous` on the recursion."""
-    compensation, acceleration = recursion.compensation, recursion.platform_acceleration
-    return dc_pid_previous(compensation, acceleration, numbers, chain, estimate, target, memory)
+    return dc_pid_previous(
+        recursive_compensation,
+        recursive_acceleration,
+        numbers,
+        chain,
+        estimate,
+        target,
+        memory,
+    )
 
 
 class DcPid(PidBase):
@@ -234,15 +239,18 @@ class DcPid(PidBase):
         return self.model.chain(motions)
 
     def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
-        numbers, memory, model = self._numbers, self._memory, self.model
+        return self.nominal(self._numbers, chain, estimate, target, self._memory)
+
+    def nominal(
+        self, numbers: Any, chain: Any, estimate: Estimate, target: Target, memory: Any
+    ) -> tuple[Command, Any]:
+        """Eq. (26) on this law's model; arguments as in `dc_pid`."""
+        answer: tuple[Command, Any]
+        compensation, acceleration = self.model.compensation, self.model.acceleration
         if self.previous:
-            return dc_pid_previous(
-                model.compensation,
-                model.acceleration,
-                numbers,
-                chain,
-                estimate,
-                target,
-                memory,
+            answer = dc_pid_previous(
+                compensation, acceleration, numbers, chain, estimate, target, memory
             )
-        return dc_pid(model.compensation, numbers, chain, estimate, target, memory)
+        else:
+            answer = dc_pid(compensation, numbers, chain, estimate, target, memory)
+        return answer

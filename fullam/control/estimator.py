@@ -173,10 +173,11 @@ class KernelEstimator(Estimator):
     Attributes:
         kernel: f(numbers, memory, readings, k) -> Estimate. In period 0 it begins anew; where k is
             a multiple of `numbers.every`, the pose is a new one.
-        state: What it remembers, as lists of records, when it is used from Python.
+        state: What it remembers, as lists of records, while it is used from Python; else None.
     """
 
     kernel: ClassVar[Function]
+    state: Any
 
     def __init__(
         self, datasheet: Datasheet | None = None, settings: Any = None, period: float = 0.01
@@ -196,11 +197,13 @@ class KernelEstimator(Estimator):
 
     def forget(self) -> None:
         """Begin anew at the next readings."""
-        self.state = Lists().of(self.memory())
+        self.state = None
         self._k = 0
 
     def estimate(self, readings: Readings) -> Estimate:
         """One period."""
+        if self.state is None:
+            self.state = Lists().of(self.memory())
         told: Estimate = self.kernel(self._numbers, self.state, readings, self._k)
         self._k += 1
         return told

@@ -28,6 +28,7 @@ from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Chain, JointMotion, place_joints
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial
+from fullam.exceptions import SettingsError
 from fullam.model.chain import LinkChain
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import kernel, select, some
@@ -151,6 +152,33 @@ def target_of(reference: ReferencePoint) -> Target:
     """A reference point as a record."""
     parts = reference.pose, reference.velocity, reference.acceleration
     return record(Target, np.concatenate(parts))
+
+
+def numbers_of(part: Any) -> Rows:
+    """What a law, or anything else that tells its `numbers()`, knows: one row."""
+    numbers = part.numbers()
+    return Rows.of(type(numbers), [numbers])
+
+
+def kernel_law(law: Controller) -> KernelLaw:
+    """The law, if it is written as kernels.
+
+    Raises:
+        SettingsError: It is a class of its own.
+    """
+    if isinstance(law, KernelLaw):
+        return law
+    raise not_fused("controller", law.name, "KernelLaw")
+
+
+def not_fused(field: str, name: str, base: str) -> SettingsError:
+    """The error for a class that machine code cannot fly."""
+    return SettingsError(
+        "driver 'fused'",
+        field,
+        f"'{name}' is not written as kernels",
+        f"fly it with driver='python', or derive it from {base}",
+    )
 
 
 # The stages of a flight that belong to the law.

@@ -25,13 +25,14 @@ from fullam.dynamics.spatial import (
     subtract_spatial,
 )
 from fullam.model.vehicle import Vehicle
-from fullam.numbers.kernel import Number, absolute, kernel, minimum, select
+from fullam.numbers.kernel import Number, absolute, kernel, minimum, select, some
 from fullam.numbers.records import record
 from fullam.numbers.vectors import (
     ZERO,
     Symmetric,
     apply_symmetric,
     clip_vector,
+    dot,
     rotate,
     rotate_back,
     scale,
@@ -152,6 +153,17 @@ def bounded(limits, wrench):
 
 
 @kernel
+def within_bounds(limits, R, wrench, integral):
+    """The wrench within its bounds, and the integrator drained by what they cut off."""
+    within = bounded(limits, wrench)
+    missing = subtract_spatial(within, wrench)
+    cut = dot(missing.linear, missing.linear) + dot(missing.angular, missing.angular) > 0.0
+    if some(cut):
+        integral = select(cut, drained(limits, integral, R, missing), integral)
+    return within, integral
+
+
+@kernel
 def drained(limits, integral, R, missing):
     """Anti-windup: let go of integral action that pushes into a limit, and of no more.
 
@@ -196,10 +208,9 @@ def command(numbers, chain, estimate, target, memory):
     limits = numbers.limits
     torque = rotate(R, apply_symmetric(numbers.inertia, rotate_back(R, u_pid.angular)))
     weight = Spatial((0.0, 0.0, limits.mass * numbers.gravity), ZERO)
-    asked = add_spatial(Spatial(scale(limits.mass, u_pid.linear), torque), weight)
-    u = bounded(limits, asked)
+    u = add_spatial(Spatial(scale(limits.mass, u_pid.linear), torque), weight)
     integral = integrated(numbers.gains, memory.integral, e)
-    integral = drained(limits, integral, R, subtract_spatial(u, asked))
+    u, integral = within_bounds(limits, R, u, integral)
     return Command(u, u_pid, weight), PidMemory(integral)
 
 

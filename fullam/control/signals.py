@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fullam.dynamics.spatial import Pose, Spatial
-from fullam.numbers.kernel import Number
+from fullam.numbers.kernel import Number, kernel, select
+from fullam.numbers.vectors import Vector
 
 
 class Estimate(NamedTuple):
@@ -44,3 +45,37 @@ class Delivery(NamedTuple):
     wrench: Spatial
     missing: Spatial
     saturated: Number
+
+
+class Ahead(NamedTuple):
+    """By how much the reference runs ahead in a control period.
+
+    Of what is seen of it: [p_ref - p_seen (world); log(R_seen^T R_ref) ({A})], and the difference
+    of the velocities, world axes. Of what the rotors do: what the platform turns until they follow,
+    R^T w_ref lag, {A} axes.
+    """
+
+    pose: Spatial
+    velocity: Spatial
+    turn: Vector
+
+
+class Status(NamedTuple):
+    """The control period in which a flight ended, `FOREVER` while it flies, and why."""
+
+    end: Number
+    cause: Number
+
+
+FOREVER = 1e18
+"""The period in which a flight has ended that has not."""
+
+DIVERGED, NOT_FINITE = 1.0, 2.0
+"""Why a flight ended early."""
+
+
+@kernel
+def ended(status, well, k, cause):
+    """The status after a look in period k, unless all is well or it had ended before."""
+    now = Status(1.0 * k, cause)
+    return select(well, status, select(status.end > k, now, status))

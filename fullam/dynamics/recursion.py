@@ -240,17 +240,26 @@ def gravity_in(R, gravity):
 
 
 @kernel
-def base_acceleration(chain, w, g, wrench):
-    """Acceleration of the platform under a wrench, the arm's motion being prescribed.
+def composite_load(chain, w, g):
+    """Platform and arm as one rigid body, and the wrench that they take while ddp_A = dw_A = 0.
 
-    Solves (12) and (13) for ddp_A (classical) and dw_A; everything in {A} axes, g included.
+    What a wanted acceleration takes beside is `inertial_wrench` of that body; {A} axes.
     """
     force, moment, mass, first, inertia = arm_load(chain, w, ZERO, scale(-1.0, g))
     own = platform_body(chain.links)
     whole = RigidBody(
         own.mass + mass, add(own.first_moment, first), add_symmetric(own.inertia, inertia)
     )
-    load = add_spatial(bias_wrench(own, w, g), Spatial(force, moment))
+    return whole, add_spatial(bias_wrench(own, w, g), Spatial(force, moment))
+
+
+@kernel
+def base_acceleration(chain, w, g, wrench):
+    """Acceleration of the platform under a wrench, the arm's motion being prescribed.
+
+    Solves (12) and (13) for ddp_A (classical) and dw_A; everything in {A} axes, g included.
+    """
+    whole, load = composite_load(chain, w, g)
     return solve_body(whole, subtract_spatial(wrench, load))
 
 
@@ -273,6 +282,17 @@ def compensation(chain, R, w, acceleration, gravity):
     force, moment, _, _, _ = arm_load(chain, spin, a.angular, subtract(a.linear, g))
     own = bias_wrench(platform_body(chain.links), spin, g)
     return rotate_spatial(R, add_spatial(own, Spatial(force, moment)))
+
+
+@kernel
+def root_wrench(chain, R, w, acceleration, gravity):
+    """Wrench on the platform for an acceleration [ddp_A, dw_A], and for none; world axes.
+
+    The first is that of (20) and (26) together: u = M_bb a + M_bj ddtheta + h_b.
+    """
+    whole, load = composite_load(chain, rotate_back(R, w), gravity_in(R, gravity))
+    inertial = inertial_wrench(whole, rotate_spatial_back(R, acceleration))
+    return rotate_spatial(R, add_spatial(inertial, load)), rotate_spatial(R, load)
 
 
 @kernel

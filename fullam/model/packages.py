@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -15,8 +16,6 @@ def package_roots(package: str) -> list[Path]:
     from importlib.metadata import PackageNotFoundError, distribution  # slow to import
 
     roots = [Path(sys.prefix)]
-    try:
+    with contextlib.suppress(PackageNotFoundError):  # conda and system packages have no metadata
         roots.insert(0, Path(str(distribution(package).locate_file("cmeel.prefix"))))
-    except PackageNotFoundError:
-        pass  # conda and system packages have no such metadata
     return roots

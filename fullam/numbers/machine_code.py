@@ -66,8 +66,17 @@ def available() -> bool:
 
 def stage_code(kernel: Callable[..., Any], view: Any) -> Code:
     """Machine code of a kernel f(view, period) for views like this one: f(table, period)."""
-    key = digest(kernel, "stage", describe(view), *_machine())
-    return _code(key, kernel.__qualname__, lambda: _compile_stage(kernel, view))
+    return _code(
+        _stage_key(kernel, describe(view)),
+        kernel.__qualname__,
+        lambda: _compile_stage(kernel, view),
+    )
+
+
+@functools.cache
+def _stage_key(kernel: Callable[..., Any], view: str) -> str:
+    """Key of a stage, worked out once: it reads all the code that the kernel calls."""
+    return digest(kernel, "stage", view, *_machine())
 
 
 def loop_code() -> Code:
@@ -75,7 +84,12 @@ def loop_code() -> Code:
 
     `stages` is the address of pairs (address of a function, address of its table).
     """
-    return _code(digest("loop", *_machine()), "the loop", _compile_loop)
+    return _code(_loop_key(), "the loop", _compile_loop)
+
+
+@functools.cache
+def _loop_key() -> str:
+    return digest("loop", *_machine())
 
 
 def _code(key: str, what: str, compile_it: Callable[[], tuple[str, bytes]]) -> Code:

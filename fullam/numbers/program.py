@@ -96,6 +96,10 @@ class Lists:
             self._lists[id(view)] = view, Long(view) if long else view.to_list()
         return self._lists[id(view)][1]
 
+    def live(self, *rows: Rows) -> None:
+        """Have these rows read and written in their arrays, however few they are."""
+        self._lists.update({id(r): (r, Long(r)) for r in rows})
+
     def write_back(self) -> None:
         """Write what the lists hold to the arrays."""
         for rows, records in self._lists.values():

@@ -89,7 +89,7 @@ class Rows:
     """
 
     def __init__(self, record: Any, array: Any, lanes: int = 0) -> None:
-        """Take an array; it is copied if it is not contiguous and aligned.
+        """Take an array; it is copied if it is not contiguous or, for lanes, not aligned.
 
         Raises:
             ValueError: The array's entries do not fit the record.
@@ -100,7 +100,7 @@ class Rows:
         if shape != wanted:
             name = getattr(record, "__name__", str(record))
             raise ValueError(f"rows of {name}: entries have shape {shape}, not {wanted}")
-        if not (array.flags.c_contiguous and array.ctypes.data % ALIGNMENT == 0):
+        if not (array.flags.c_contiguous and (array.ctypes.data % ALIGNMENT == 0 or not lanes)):
             array, given = aligned(array.shape), array
             array[:] = given
         self.record, self.array, self.lanes = record, array, lanes

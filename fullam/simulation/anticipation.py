@@ -14,32 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.estimator import Estimator
-from fullam.control.signals import Estimate
+from fullam.control.signals import Ahead, Estimate
 from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, add_spatial, subtract_spatial
 from fullam.numbers.kernel import kernel
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
-from fullam.numbers.vectors import Vector, add, rotate_back, scale, subtract
+from fullam.numbers.vectors import add, rotate_back, scale, subtract
 from fullam.simulation.references import ReferenceTable
 
 Array = NDArray[np.float64]
 
 STILL = 1e-9
 """Below this [m, rad, m/s, rad/s] a row of the table counts as zero."""
-
-
-class Ahead(NamedTuple):
-    """By how much the reference runs ahead in a control period.
-
-    Of what is seen of it: [p_ref - p_seen (world); log(R_seen^T R_ref) ({A})], and the difference
-    of the velocities, world axes. Of what the rotors do: what the platform turns until they follow,
-    R^T w_ref lag, {A} axes.
-    """
-
-    pose: Spatial
-    velocity: Spatial
-    turn: Vector
 
 
 class AheadView(NamedTuple):
@@ -69,15 +56,6 @@ def advance(estimate, ahead):
     position = add(pose.position, ahead.pose.linear)
     attitude = boxplus(pose.attitude, ahead.pose.angular)
     return Estimate(Pose(position, attitude), add_spatial(estimate.velocity, ahead.velocity))
-
-
-@kernel
-def thrust_attitude(estimate, ahead):
-    """Attitude when the rotors will have followed: the one to turn a wrench to {A} with.
-
-    The estimate is one that was advanced.
-    """
-    return boxplus(estimate.pose.attitude, ahead.turn)
 
 
 @dataclass(frozen=True, eq=False)

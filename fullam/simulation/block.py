@@ -7,17 +7,16 @@ flight or as many as it has lanes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.allocation import allocation_memory
-from fullam.control.controller import Controller
+from fullam.control.delivery import AllocateView, allocate_command
 from fullam.control.estimator import (
     EstimateView,
     Estimator,
-    Inertial,
     KernelEstimator,
     Readings,
     estimate_stage,
@@ -28,31 +27,26 @@ from fullam.control.law import (
     KernelLaw,
     command_stage,
     inform_stage,
+    kernel_law,
+    not_fused,
+    numbers_of,
 )
-from fullam.control.signals import Command, Delivery, Estimate
-from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import Link
+from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status
 from fullam.dynamics.spatial import Pose, Spatial
-from fullam.exceptions import SettingsError
-from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
+from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight_plan import FlightPlan
-from fullam.simulation.plant import PlantView, Rotor, State, plant_stage, rotor_rows
+from fullam.simulation.flown import Flown, TrackView, write_track
+from fullam.simulation.plant import PlantView, State, plant_stage
 from fullam.simulation.stages import (
-    DIVERGED,
-    FOREVER,
     ORDER,
-    AllocateView,
     Entry,
     ForeseeView,
     RecordView,
     RotorEntry,
     SenseView,
-    Status,
     WatchView,
-    Weather,
-    allocate_command,
     foresee,
     record_entry,
     sense,
@@ -62,6 +56,7 @@ from fullam.simulation.stages import (
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
+Keep = Literal["record", "track"]
 
 
 class Block:
@@ -75,19 +70,20 @@ class Block:
         state: The platform, one row of `plant.State`.
         status: Whether it still flies, one row of `Status`.
         speeds: Rotor speeds, n_r rows.
-        entries: The record, a row a control period; no rows if none is kept.
+        entries: The record, a row a control period, if it is kept.
         rotors: Its rotors' part, (periods, n_r).
+        track: The track, a row a control period, if that is kept.
     """
 
-    def __init__(self, tables: Tables, lanes: int = 0, record: bool = True) -> None:
+    def __init__(self, tables: Tables, lanes: int = 0, keep: Keep = "record") -> None:
         """Make the rows.
 
         Args:
             tables: What the flights share.
             lanes: Flights at a time; 0 for one, as scalars.
-            record: Whether to keep a record.
+            keep: What the flights write: the whole record, or the track that figures need.
         """
-        self.tables, self.lanes = tables, lanes
+        self.tables, self.lanes, self.keep = tables, lanes, keep
         plan, periods = tables.plan, tables.periods
         n = plan.nominal.rotors.count
         self.law, self.estimator = tables.controller(), tables.estimator()
@@ -98,14 +94,12 @@ class Block:
         self.command, self.delivery = self._empty(Command, 1), self._empty(Delivery, 1)
         self.residual = self._empty(Spatial, 1)
         self.speeds = self._empty(float, n)
-        self.weather = self._empty(Weather, periods)
-        self.inertial = self._empty(Inertial, periods if self.estimator.needs_inertial else 0)
-        self.links = self._empty(Link, len(tables.links.array))
-        self.rotor_rows = self._empty(Rotor, n)
+        self.drawn = tables.draws.rows(lanes, self.estimator.needs_inertial)
         self.problem, self.memory = self.allocator.problem(), allocation_memory(n, lanes)
         self.commands: Rows = self.memory.speeds
-        kept = periods if record else 0
+        kept = periods if keep == "record" else 0
         self.entries, self.rotors = self._empty(Entry, kept), self._empty(RotorEntry, kept, n)
+        self.track = self._empty(Flown, periods - kept)
         self.law_memory: Any = None
         self.estimator_memory: Any = None
         self._law_numbers = self._estimator_numbers = None
@@ -132,19 +126,15 @@ class Block:
         for rows in (self.commands, self.speeds):
             rows.array[:, 0].T[:] = self.tables.hover
 
+    def draw(self, seeds: Sequence[int]) -> None:
+        """Draw the weather and the true vehicles of seeds, one a lane."""
+        self.drawn.fill(seeds)
+
     def load(self, plan: FlightPlan) -> None:
         """Take the weather and the true vehicle of a plan; for one flight at a time."""
-        draw, true = plan.forecast, plan.true
-        self.weather.array[:] = np.hstack([draw.pose_noise, draw.disturbance])
-        if len(self.inertial.array):
-            noise = [draw.gyroscope_noise, draw.accelerometer_noise]
-            self.inertial.array[:] = np.hstack(noise)
-        self.links.array[:] = LinkRows.of(LinkChain.from_model(true.model)).rows.array
-        self.rotor_rows.array[:] = rotor_rows(true.rotors, plan.simulation.plant_period)
-
-    def draw(self, seeds: Sequence[int]) -> None:
-        """Draw the weather and the true vehicles of as many seeds as there are lanes."""
-        self.tables.draws.fill(seeds, self.weather, self.links, self.rotor_rows, self.inertial)
+        self.draw([plan.seed])
+        if plan.replaced is not None:
+            self.drawn.put(plan.replaced)
 
     # What flies, stage by stage; see `fullam.simulation.stages`.
 
@@ -178,14 +168,17 @@ class Block:
         }
         if t.plan.anticipation is not None:
             stages["foresee"] = Stage(foresee, ForeseeView(t.ahead, self.estimate))
-        if len(self.entries.array):
+        if self.keep == "record":
             stages["record"] = Stage(record_entry, self.record_view())
+        else:
+            stages["record"] = Stage(write_track, self.track_view())
         return stages
 
     def sense_view(self) -> SenseView:
         """What the sensors' stage is shown."""
-        rates = self.tables.rates
-        return SenseView(self.state, self.poses, self.weather, self.inertial, rates, self.readings)
+        rates, drawn = self.tables.rates, self.drawn
+        inertial = drawn.inertial or self._empty(InertialNoise, 0)
+        return SenseView(self.state, self.poses, drawn.noise, inertial, rates, self.readings)
 
     def estimate_view(self) -> EstimateView:
         """What the estimator's stage is shown."""
@@ -249,15 +242,20 @@ class Block:
             self.rotors,
         )
 
+    def track_view(self) -> TrackView:
+        """What the stage that writes the track is shown."""
+        coefficients = self.tables.thrust_coefficients
+        return TrackView(self.state, self.delivery, self.speeds, coefficients, self.track)
+
     def plant_view(self, arm: Rows) -> PlantView:
         """What the plant is shown; `arm` as its derivative wants to see it."""
         return PlantView(
             self.state,
-            self.links,
+            self.drawn.links,
             arm,
-            self.rotor_rows,
+            self.drawn.rotors,
             self.tables.stepping,
-            self.weather,
+            self.drawn.gust,
             self.speeds,
             self.commands,
         )
@@ -288,30 +286,13 @@ class Block:
 
     def pose(self, lane: int, row: int) -> Array:
         """The recorded pose of a row, shape (7,)."""
-        pose = self.entries["pose"][row]
+        pose = (self.entries if self.keep == "record" else self.track)["pose"][row]
         return np.array(pose[:, lane] if self.lanes else pose)
-
-
-def numbers_of(part: KernelLaw | KernelEstimator) -> Rows:
-    """The settings of a law or an estimator as one row."""
-    numbers = part.numbers()
-    return Rows.of(type(numbers), [numbers])
 
 
 def in_order(stages: dict[str, Any]) -> dict[str, Any]:
     """Stages by name, in the order in which a control period calls them."""
     return {name: stages[name] for name in ORDER if name in stages}
-
-
-def kernel_law(law: Controller) -> KernelLaw:
-    """The law, if it is written as kernels.
-
-    Raises:
-        SettingsError: It is a class of its own.
-    """
-    if isinstance(law, KernelLaw):
-        return law
-    raise not_fused("controller", law.name, "KernelLaw")
 
 
 def kernel_estimator(estimator: Estimator) -> KernelEstimator:
@@ -323,13 +304,3 @@ def kernel_estimator(estimator: Estimator) -> KernelEstimator:
     if isinstance(estimator, KernelEstimator):
         return estimator
     raise not_fused("estimator", estimator.name, "KernelEstimator")
-
-
-def not_fused(field: str, name: str, base: str) -> SettingsError:
-    """The error for a class that machine code cannot fly."""
-    return SettingsError(
-        "driver 'fused'",
-        field,
-        f"'{name}' is not written as kernels",
-        f"fly it with driver='python', or derive it from {base}",
-    )

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.control.controller import Controller, Measurement, ReferencePoint
+from fullam.control.controller import Controller, Measurement
 from fullam.control.estimator import Estimator, KernelEstimator
-from fullam.control.law import KernelLaw
-from fullam.control.signals import Command, Estimate
+from fullam.control.law_stage import LawStage
+from fullam.control.signals import NOT_FINITE, Estimate
 from fullam.dynamics.integrators import integrator
 from fullam.dynamics.so3 import rotation_matrix
-from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial, rotate_spatial_back
+from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial
 from fullam.exceptions import NonFiniteWrench
 from fullam.numbers.program import Lists
 from fullam.numbers.records import flat, record
@@ -28,7 +28,6 @@ from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.plant import PinocchioRate, advance
 from fullam.simulation.run import Run
-from fullam.simulation.stages import NOT_FINITE
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
@@ -67,7 +66,7 @@ class Flight:
 
     def _stages(self, block: Block) -> dict[str, PythonStage]:
         look, t = self._lists.of, block.tables
-        law, estimator = LawStage(block.law, self.plan), EstimateStage(block.estimator, self.plan)
+        law, estimator = LawStage(block.law), EstimateStage(block.estimator, self.plan)
         rule = integrator(self.plan.simulation.integrator).step
         rate = PinocchioRate(self.plan.true)
 
@@ -162,46 +161,3 @@ class EstimateStage:
         pose = record(Pose, m.q[:7])
         velocity = rotate_spatial(rotation_matrix(pose.attitude), record(Spatial, m.v[:6]))
         view.estimate[0] = Estimate(pose, velocity)
-
-
-class LawStage:
-    """The law as two stages: its kernels, or anybody's class with the face of a `Controller`."""
-
-    def __init__(self, law: Controller, plan: FlightPlan) -> None:
-        """Begin anew."""
-        self._law, self._plan = law, plan
-        self._measurement, self._reference = Measurement(plan.nominal), ReferencePoint()
-        self._t: list[float] = plan.t.tolist()
-
-    def command(self, view: Any, k: int) -> None:
-        """Ask for a wrench; see `stages`."""
-        law, estimate, target = self._law, view.estimate[0], view.targets[k]
-        motions = view.joints[k * int(view.joint_rows[0])]
-        if isinstance(law, KernelLaw):
-            view.command[0] = law.command(law.chain(motions), estimate, target)
-            return
-        m, reference = self._measurement, self._reference
-        R = rotation_matrix(estimate.pose.attitude)
-        m.q[:7] = [*flat(estimate.pose)]
-        m.v[:6] = [*flat(rotate_spatial_back(R, estimate.velocity))]
-        for i, motion in enumerate(motions):
-            m.q[7 + i], m.v[6 + i], m.arm_acceleration[i] = motion
-        reference.pose = np.array([*flat(target.pose)])
-        reference.velocity = np.array([*flat(target.velocity)])
-        reference.acceleration = np.array([*flat(target.acceleration)])
-        if k == 0:
-            law.reset(m, reference)
-        wrench = law.wrench(self._t[k], m, reference)
-        parts = wrench, law.u_pid, law.u_dc
-        view.command[0] = Command(*(record(Spatial, part) for part in parts))
-
-    def inform(self, view: Any, k: int) -> None:
-        """Tell the law what it did not get; see `stages`."""
-        delivery = view[0]
-        if delivery.saturated == 0.0:
-            return
-        if isinstance(self._law, KernelLaw):
-            self._law.inform(delivery)
-        else:
-            wrench, missing = (np.array([*flat(part)]) for part in delivery[:2])
-            self._law.delivered(wrench, missing)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from fullam.exceptions import NonFiniteWrench
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Program, program
-from fullam.simulation.block import Block
+from fullam.simulation.block import Block, Keep
 from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.progress import Progress
@@ -27,18 +27,18 @@ class Fused:
         block: The rows.
     """
 
-    def __init__(self, tables: Tables, lanes: int = 0, record: bool = True) -> None:
+    def __init__(self, tables: Tables, lanes: int = 0, keep: Keep = "record") -> None:
         """Compile the stages, or load them from disk.
 
         Args:
             tables: What the flights share.
             lanes: Flights at a time; 0 for one, as scalars.
-            record: Whether to keep a record.
+            keep: What the flights write; see `Block`.
 
         Raises:
             SettingsError: Law or estimator are not written as kernels; the message names it.
         """
-        self.block = Block(tables, lanes, record)
+        self.block = Block(tables, lanes, keep)
         compiled = available()
         stages = self.block.stages()
         self._whole: Program = program(list(stages.values()), compiled)
@@ -84,8 +84,7 @@ def run_of(block: Block, plan: FlightPlan, lane: int = 0) -> Run:
     rows, outcome = block.ending(lane)
     if outcome == "not finite":
         raise NonFiniteWrench(block.last_command(lane))
-    log = block.columns(lane)
     reason = ""
     if outcome == "diverged":
-        reason = divergence(plan, rows, block.pose(lane, rows)) or ""
-    return finish(plan, log, rows, outcome, reason, "fused")
+        reason = divergence(plan, rows, block.pose(lane, rows)) or "not finite"
+    return finish(plan, block.columns(lane), rows, outcome, reason, "fused")

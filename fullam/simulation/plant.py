@@ -20,21 +20,12 @@ from fullam.dynamics.multibody import Multibody
 from fullam.dynamics.recursion import Chain, base_acceleration, gravity_in
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, add_spatial, rotate_spatial_back
-from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, kernel
 from fullam.numbers.records import flat, record
-from fullam.numbers.vectors import ZERO, Vector, axpy, cross, subtract
+from fullam.numbers.vectors import ZERO, axpy, cross, subtract
 
 Array = NDArray[np.float64]
-
-
-class Rotor(NamedTuple):
-    """Force and moment per squared speed, eq. (34), and exp(-s / lag) over half a step s."""
-
-    force: Vector
-    moment: Vector
-    decay: Number
 
 
 class State(NamedTuple):
@@ -84,15 +75,9 @@ class PlantView(NamedTuple):
     arm: Any
     rotors: Any
     stepping: Any
-    weather: Any
+    gusts: Any
     speeds: Any
     commands: Any
-
-
-def rotor_rows(rotors: Rotors, period: float) -> Array:
-    """Rows of `Rotor` for a time step, shape (n_r, 7)."""
-    decay = np.exp(-0.5 * period / np.maximum(rotors.lags, 1e-12))
-    return np.column_stack([rotors.coupling_matrix.T, decay])
 
 
 @kernel
@@ -110,7 +95,7 @@ def rotor_wrench(rotors, speeds):
 def follow(rotors, speeds, commands):
     """Rotor speeds half a step on."""
     for i in range(len(rotors)):
-        speeds[i] = commands[i] + (speeds[i] - commands[i]) * rotors[i].decay
+        speeds[i] = commands[i] + (speeds[i] - commands[i]) * rotors[i].half_decay
 
 
 @kernel
@@ -136,7 +121,7 @@ def twist_rate(system, stage, pose, twist):
 @kernel
 def advance(rule, derivative, view, k):
     """Fly the plant's steps of control period k."""
-    state, stepping, gust = view.state[0], view.stepping[0], view.weather[k].gust
+    state, stepping, gust = view.state[0], view.stepping[0], view.gusts[k]
     pose, twist, rate = state.pose, state.twist, state.acceleration
     rotors, speeds, commands = view.rotors, view.speeds, view.commands
     substeps, stride = int(stepping.substeps), int(stepping.arm_stride)

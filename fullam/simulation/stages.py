@@ -7,7 +7,7 @@ A flight is a list of stages, called in turn in every control period:
     estimate  what does the estimator make of it?                    `fullam.control.estimator`
     foresee   take the known lags off                                here, `anticipation`
     command   which wrench does the law want?                        `fullam.control.law`
-    allocate  which rotor speeds give it?                            here, `fullam.control.ladder`
+    allocate  which rotor speeds give it?                            `fullam.control.delivery`
     inform    tell the law what it did not get                       `fullam.control.law`
     record    write the row of the period                            here
     move      fly the period                                         `plant`
@@ -20,19 +20,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fullam.control.estimator import Readings
-from fullam.control.ladder import allocate
-from fullam.control.signals import Delivery
-from fullam.dynamics.so3 import rotation_matrix
+from fullam.control.signals import DIVERGED, ended
 from fullam.dynamics.spatial import (
     Pose,
     Spatial,
-    rotate_spatial,
-    rotate_spatial_back,
-    subtract_spatial,
 )
-from fullam.numbers.kernel import Number, absolute, both, kernel, select
-from fullam.numbers.vectors import ZERO, Vector, dot, multiply, subtract
-from fullam.simulation.anticipation import advance, thrust_attitude
+from fullam.numbers.kernel import Number, absolute, both, kernel
+from fullam.numbers.vectors import Vector, dot, multiply, subtract
+from fullam.simulation.anticipation import advance
 from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
@@ -40,33 +35,6 @@ ORDER = (
     *("allocate", "inform", "record", "move"),
 )
 """The stages, as a control period calls them."""
-
-FOREVER = 1e18
-"""The period in which a flight has ended that has not."""
-
-DIVERGED, NOT_FINITE = 1.0, 2.0
-"""Why a flight ended early."""
-
-LARGEST = 1e300
-"""A wrench beyond this is not finite."""
-
-
-class Weather(NamedTuple):
-    """A control period of the weather.
-
-    Noise of the pose, position (world) and attitude (tangent at {A}); gust on the platform at its
-    origin, world axes.
-    """
-
-    noise: Spatial
-    gust: Spatial
-
-
-class Status(NamedTuple):
-    """The period in which the flight ended, `FOREVER` while it flies, and why."""
-
-    end: Number
-    cause: Number
 
 
 class Bounds(NamedTuple):
@@ -124,7 +92,7 @@ class SenseView(NamedTuple):
 
     state: Any
     ring: Any
-    weather: Any
+    noise: Any
     inertial: Any
     rates: Any
     readings: Any
@@ -135,21 +103,6 @@ class ForeseeView(NamedTuple):
 
     ahead: Any
     estimate: Any
-
-
-class AllocateView(NamedTuple):
-    """What `allocate_command` is shown; `ahead` holds the turn until the rotors follow."""
-
-    problem: Any
-    memory: Any
-    estimate: Any
-    ahead: Any
-    command: Any
-    centers: Any
-    joint_rows: Any
-    status: Any
-    delivery: Any
-    residual: Any
 
 
 class RecordView(NamedTuple):
@@ -171,7 +124,7 @@ def sense(view, k):
     """Read the pose; the true velocity goes along for the estimator that cheats."""
     state, last = view.state[0], view.readings[0]
     keep_pose(view.ring, state.pose, k)
-    pose = sense_pose(view.ring, view.weather[k].noise, last.pose, view.rates[0].every, k)
+    pose = sense_pose(view.ring, view.noise[k], last.pose, view.rates[0].every, k)
     view.readings[0] = Readings(pose, state.twist, last.gyroscope, last.accelerometer)
 
 
@@ -209,33 +162,6 @@ def watch(view, k):
         cosine = absolute(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
         near = both(dot(away, away) <= bounds.distance, cosine >= bounds.cosine)
         view.status[0] = ended(status, near, k, DIVERGED)
-
-
-@kernel
-def ended(status, well, k, cause):
-    """The status after a look in period k, unless all is well or it had ended before."""
-    now = Status(1.0 * k, cause)
-    return select(well, status, select(status.end > k, now, status))
-
-
-@kernel
-def allocate_command(view, k):
-    """Turn the command to {A} and allocate it; what came of it goes to `delivery`."""
-    command = view.command[0].wrench
-    R = rotation_matrix(thrust_attitude(view.estimate[0], view.ahead[k]))
-    asked = rotate_spatial_back(R, command)
-    f, m = asked.linear, asked.angular
-    finite = absolute(f[0] + f[1] + f[2] + m[0] + m[1] + m[2]) < LARGEST
-    status = ended(view.status[0], finite, k, NOT_FINITE)
-    view.status[0] = status
-    flying = status.end > k
-    center = view.centers[k * int(view.joint_rows[0])]
-    achieved, missing, short = allocate(view.problem, view.memory, asked, center, flying)
-    residual = subtract_spatial(achieved, asked)
-    view.residual[0] = select(short, residual, Spatial(ZERO, ZERO))
-    view.delivery[0] = Delivery(
-        rotate_spatial(R, achieved), rotate_spatial(R, missing), select(short, 1.0, 0.0)
-    )
 
 
 @kernel

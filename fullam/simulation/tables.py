@@ -6,7 +6,6 @@ Made once, read by every thread, written by none.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,15 @@ from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
 from fullam.control.controllers import controller_class
 from fullam.control.estimator import Estimator
-from fullam.control.signals import Target
+from fullam.control.signals import Ahead, Target
 from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import Chain, Joint, JointMotion, composite_body, place_joints
+from fullam.dynamics.placing import PlaceView, place
+from fullam.dynamics.recursion import Joint, JointMotion
 from fullam.model.chain import LinkChain
-from fullam.numbers.kernel import kernel
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
-from fullam.numbers.vectors import Vector, scale
-from fullam.simulation.anticipation import Ahead
+from fullam.numbers.vectors import Vector
+from fullam.simulation.draws import Draws
 from fullam.simulation.flight_plan import (
     DIVERGENCE_PERIOD,
     FlightPlan,
@@ -34,23 +33,6 @@ from fullam.simulation.plant import Stepping
 from fullam.simulation.stages import Bounds, Rates
 
 Array = NDArray[np.float64]
-
-
-class PlaceView(NamedTuple):
-    """What `place` is shown: links, the arm's motion, and where its joints and centres go."""
-
-    links: Any
-    motions: Any
-    joints: Any
-    centers: Any
-
-
-@kernel
-def place(view, k):
-    """Joints of a row of the arm's motion, and the vehicle's centre of mass with it."""
-    place_joints(view.links, view.motions[k], view.joints[k])
-    whole = composite_body(Chain(view.links, view.joints[k]))
-    view.centers[k] = scale(1.0 / whole.mass, whole.first_moment)
 
 
 class Tables:
@@ -67,6 +49,7 @@ class Tables:
         joint_rows: Rows of the arm in a control period.
         stepping: How the plant is integrated.
         rates: How the sensors are read.
+        thrust_coefficients: k_f of the nominal rotors, n_r numbers.
         bounds: Bounds of sense.
     """
 
@@ -89,6 +72,7 @@ class Tables:
         self.stepping = Rows(Stepping, [numbers])
         half_angle = 0.5 * np.radians(min(s.max_attitude_error_deg, 360.0))
         every = max(1, round(DIVERGENCE_PERIOD / s.control_period))
+        self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
         cosine = np.cos(half_angle) if half_angle < 0.5 * np.pi else 0.0
@@ -114,6 +98,12 @@ class Tables:
         plan = self.plan
         axes = np.array(plan.scenario.axes_mask)
         return Allocator(plan.nominal.rotors, axes=axes, vehicle_name=plan.nominal.name)
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Draws the weather and the true vehicle of any seed."""
+        plan = self.plan
+        return Draws.of(plan.nominal, plan.weather, plan.t, plan.simulation.plant_period)
 
     @cached_property
     def hover(self) -> Array:

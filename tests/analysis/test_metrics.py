@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fullam.analysis.metrics import HOLD_BAND, measure
-from fullam.analysis.response import DWELL, high_pass, last_jump, settling_time
+from fullam.analysis.asked_motion import last_jump
+from fullam.analysis.judge import HOLD_BAND
+from fullam.analysis.metrics import measure
+from fullam.analysis.response import DWELL, settling_time
 from fullam.model.loading import load_vehicle
 from fullam.simulation.references import Circle, Step
 from fullam.simulation.run import COLUMNS, Run, allocate_columns
@@ -273,15 +275,6 @@ def test_jitter_is_what_moves_above_two_hertz(make_run):
     assert metrics.jitter_position_mm == pytest.approx(3.0 / np.sqrt(2.0), rel=5e-3)
     assert metrics.jitter_attitude_deg == pytest.approx(0.5 / np.sqrt(2.0), rel=5e-3)
     assert metrics.axes["x"].jitter == pytest.approx(0.0, abs=ROUNDING)
-
-
-def test_high_pass_passes_half_the_amplitude_at_its_corner():
-    """Each of the two passes has 1/sqrt(2) there."""
-    t = grid(60.0)
-    signal = np.sin(2 * np.pi * 2.0 * t)[:, None]
-    middle = high_pass(signal, PERIOD)[2000:4000]
-    rms = np.sqrt(np.mean(np.square(middle)))
-    assert rms == pytest.approx(0.5 / np.sqrt(2.0), rel=1e-3)
 
 
 def test_effort_and_saturation(make_run, vehicle):
