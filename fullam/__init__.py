@@ -8,14 +8,15 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
     print(fullam.measure(run))
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
-from fullam.analysis.metrics import Metrics, measure
 from fullam.control.allocation import Allocation, Allocator
 from fullam.control.controller import Controller
 from fullam.control.controllers import controller_names, make_controller, register
 from fullam.control.estimators import estimator_names
 from fullam.exceptions import FullamError
-from fullam.model.design import VehicleDesign, design_vehicle
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
@@ -33,6 +34,32 @@ from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 from fullam.viz.viewer import explore, view
+
+if TYPE_CHECKING:
+    from fullam.analysis.metrics import Metrics, measure
+    from fullam.model.design import VehicleDesign, design_vehicle
+
+LATER = {
+    "Metrics": "fullam.analysis.metrics",
+    "measure": "fullam.analysis.metrics",
+    "VehicleDesign": "fullam.model.design",
+    "design_vehicle": "fullam.model.design",
+}
+"""Names that no flight needs, with the modules that are imported when they are asked for."""
+
+
+def __getattr__(name: str) -> Any:
+    """A name of `LATER`, imported at its first use."""
+    if name not in LATER:
+        raise AttributeError(f"module 'fullam' has no attribute '{name}'")
+    globals()[name] = getattr(import_module(LATER[name]), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    """All names, for completion."""
+    return sorted({*globals(), *__all__})
+
 
 # Vehicles and records know nothing of pictures: what one sees imports what is, not the reverse.
 Run.view = Vehicle.view = view  # type: ignore[attr-defined]

@@ -90,6 +90,13 @@ def test_importing_the_package_draws_and_fetches_nothing_and_waits_for_no_slow_p
     assert out.stdout.strip() == "[]"
 
 
+def test_every_public_name_is_there_and_completed():
+    assert set(fullam.__all__) <= set(dir(fullam))
+    assert all(getattr(fullam, name) is not None for name in fullam.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        _ = fullam.simulat
+
+
 def test_no_file_is_long():
     too_long = {p.name: n for p in MODULES if (n := len(p.read_text().splitlines())) > 400}
     assert too_long == {}
