@@ -153,11 +153,8 @@ def solve_box(box, search, wrench):
         slot = map_of(box, status, held)
         misfits, blocking, share, leaving = aim(box, slot, search, wrench, slack)
         if misfits > few:
-            few = len(unknowns)
-            changed, fresh = start_from_clip(box, search, wrench)
-            if changed:
-                held = fresh
-                continue
+            few, held = len(unknowns), start_from_clip(box, search, wrench, held)
+            continue
         advance(unknowns, search, box.goal, share)
         change = blocking
         if blocking < 0:
@@ -250,24 +247,26 @@ def pivot(unknowns, search, goal, held, i):
 
 
 @kernel
-def start_from_clip(box, search, wrench):
+def start_from_clip(box, search, wrench, held):
     """Go to the unconstrained minimiser clipped to the box, if it costs less than where we are.
 
     Returns:
-        Whether we went there; and the active set.
+        The active set where we are then.
     """
     unknowns, status, u, clipped = box.unknowns, search.status, search.solution, box.goal
     for i in range(len(unknowns)):
-        clipped[i] = clip(value(unknowns[i], wrench), 0.0, unknowns[i].upper)
-    lower = upper = 0.0
-    better = cost(box, clipped, wrench) < cost(box, u, wrench)
-    if better:
+        unknown = unknowns[i]
+        clipped[i] = clip(value(unknown, wrench), 0.0, unknown.upper)
+    lower, upper = held.lower, held.upper
+    if cost(box, clipped, wrench) < cost(box, u, wrench):
+        lower = upper = 0.0
         for i in range(len(unknowns)):
-            z, bit, u[i] = value(unknowns[i], wrench), unknowns[i].bit, clipped[i]
-            low, high = z < 0.0, z > unknowns[i].upper
+            unknown = unknowns[i]
+            z, bit, u[i] = value(unknown, wrench), unknown.bit, clipped[i]
+            low, high = z < 0.0, z > unknown.upper
             status[i] = select(low, AT_LOWER, select(high, AT_UPPER, FREE))
             lower, upper = lower + select(low, bit, 0.0), upper + select(high, bit, 0.0)
-    return better, Held(lower, upper)
+    return Held(lower, upper)
 
 
 @kernel
