@@ -35,6 +35,7 @@ from fullam.simulation.simulate import prepare, simulate
 
 pytest.importorskip("numba", reason="the compiled engine needs the extra 'fast'")
 
+from fullam.simulation.compiled import arrays, batch, engine, entries
 from fullam.simulation.compiled.arrays import arm_of
 from fullam.simulation.compiled.box_qp import CLIP, CYCLES, UNCONFIRMED, UNSETTLED, U
 from fullam.simulation.compiled.dynamics import chain_rows
@@ -42,8 +43,6 @@ from fullam.simulation.compiled.integrate import POSE, VELOCITY
 from fullam.simulation.compiled.law import INTEGRAL
 from fullam.simulation.compiled.loop import diverged
 from fullam.simulation.compiled.tick import CompiledTick
-
-from fullam.simulation.compiled import arrays, batch, engine, entries
 
 VEHICLES = ("fullam", "hextilt", "borinot", "quadrotor_arm")
 CONTROLLERS = tuple(law.name for law in arrays.LAWS)
