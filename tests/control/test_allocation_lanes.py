@@ -146,7 +146,7 @@ def demands(rotors, seed, number):
 def test_python_machine_code_and_lanes_give_the_same_bits(name):
     """Over sequences with warm starts, one of which ends early; the store of maps is shared."""
     allocator = FLEET[name]()
-    number = 120 if allocator.rotors.count < 10 else 40
+    number = 120 if allocator.rotors.count < 10 else 20
     inputs = demands(allocator.rotors, 1, number)
     expected = results(flown(allocator.problem(), *inputs, "python"), "python")
     for mode in ("scalar", "lanes"):
