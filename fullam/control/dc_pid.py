@@ -148,7 +148,8 @@ def dc_pid_previous(compensation, acceleration, numbers, chain, estimate, target
     integral = integrated(numbers.gains, memory.integral, e)
     u, integral = within_bounds(numbers.limits, R, u, integral)
     at_hand, share = rotate_spatial_back(R, u), rotate_spatial_back(R, inertial)
-    return Command(u, u_pid, u_dc), PreviousMemory(integral, at_hand, share, 1.0)
+    has_hand = 0.0 * memory.has_hand + 1.0  # of one kind with what it replaces: lanes, if those
+    return Command(u, u_pid, u_dc), PreviousMemory(integral, at_hand, share, has_hand)
 
 
 @kernel
