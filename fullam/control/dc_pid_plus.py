@@ -144,15 +144,14 @@ class DcPidPlusNumbers(NamedTuple):
 class Beside(NamedTuple):
     """What dc-PID+ remembers beside dc-PID.
 
-    Observer and caution; dc-PID's wrench less the total; how far the platform will have turned when
-    the rotors follow, a rotation vector; and 1 before the first period, else 0.
+    Observer and caution; dc-PID's wrench less the total; and how far the platform will have turned
+    when the rotors follow, a rotation vector.
     """
 
     observer: ObserverMemory
     caution: CautionMemory
     difference: Spatial
     turn: Vector
-    fresh: Number
 
 
 class PlusMemory(NamedTuple):
@@ -182,14 +181,15 @@ def paced(numbers, factors):
 
 @kernel
 def perceived(numbers, chain, estimate, R, beside):
-    """Caution and observer after this period's estimate; the first they have begun with."""
-    first = beside.fresh > 0.0
+    """Caution, its factors, and the observer after this period's estimate.
+
+    In the first period they began with this very estimate: it tells them nothing.
+    """
     body_velocity = rotate_spatial_back(R, estimate.velocity)
     caution = felt(numbers.caution, beside.caution, body_velocity)
-    caution = select(first, beside.caution, caution)
     factors = caution_factors(numbers.caution, caution.roughness)
     observer = observed(numbers.observer, factors, chain, estimate, beside.observer)
-    return caution, factors, select(first, beside.observer, observer)
+    return caution, factors, observer
 
 
 @kernel
@@ -228,7 +228,7 @@ def dc_pid_plus(law, delivered, numbers, chain, estimate, target, memory):
         after = delivered(of_dc_pid, chain, estimate, nominal, delivery)
         nominal = select(cut, after, nominal)
     observer = asked(observer, asked_from_rotors(R, within, turn))
-    beside = Beside(observer, caution, difference, turn, 0.0)
+    beside = Beside(observer, caution, difference, turn)
     return Command(within, command.u_pid, command.u_dc), nominal, beside
 
 
@@ -241,7 +241,7 @@ def inform(delivered, numbers, chain, estimate, memory, delivery):
     own = add_spatial(delivery.wrench, b.difference)
     share = Delivery(own, delivery.missing, delivery.saturated)
     nominal = delivered(numbers.nominal, chain, estimate, memory.nominal, share)
-    return nominal, Beside(observer, b.caution, b.difference, b.turn, b.fresh)
+    return nominal, Beside(observer, b.caution, b.difference, b.turn)
 
 
 @kernel
@@ -250,7 +250,7 @@ def start_beside(numbers, chain, estimate):
     R = rotation_matrix(estimate.pose.attitude)
     observer = nothing_observed(numbers.observer, chain, estimate)
     caution = trusted(rotate_spatial_back(R, estimate.velocity))
-    return Beside(observer, caution, Spatial(ZERO, ZERO), ZERO, 1.0)
+    return Beside(observer, caution, Spatial(ZERO, ZERO), ZERO)
 
 
 # What machine code flies: dc-PID's kernels inside, for either way to cut the algebraic loop.

@@ -135,6 +135,37 @@ def test_previous_wrench_converges_to_the_same_wrench_at_rest(rng):
     assert errors[-1] < 1e-9  # ... and dies out
 
 
+@pytest.mark.parametrize("rounds", [1, 3])
+@pytest.mark.parametrize("model", MODELS)
+def test_previous_wrench_solves_21_with_the_wrench_at_hand(model, rounds, rng):
+    """By Pinocchio: the wrench got last, in {A}, its u_pid renewed; then u_dc for what it gives."""
+    vehicle = load_vehicle("hextilt")
+    settings = {"compensation": "previous_wrench", "rounds": rounds, "model": model}
+    law, witness = make_controller("dc-pid", vehicle, **settings), Multibody(vehicle)
+    platform, kept_A = vehicle.model.inertias[1].matrix(), None
+    law.reset(random_measurement(vehicle, rng), random_reference(vehicle, rng))
+    for k in range(4):
+        m, ref = random_measurement(vehicle, rng), random_reference(vehicle, rng)
+        u, R = law.wrench(0.0, m, ref).copy(), rotation_of(m.q)
+        a = body_acceleration(m.q, m.v, law.u_pid)
+        inertial_A = platform @ (law.u_pid.reshape(2, 3) @ R).ravel()
+        rest_A = kept_A
+        for _ in range(1 if kept_A is None else rounds):
+            if kept_A is not None:
+                at_hand_A = inertial_A + rest_A
+                a = witness.base_acceleration(m.q, m.v, m.arm_acceleration, at_hand_A)
+            u_dc = witness.compensation(m.q, m.v, np.append(a, m.arm_acceleration))
+            rest_A = (u_dc.reshape(2, 3) @ R).ravel()
+        expected = (inertial_A.reshape(2, 3) @ R.T).ravel() + u_dc
+        # Relative: each round amplifies rounding by the heavy arm under the light platform.
+        np.testing.assert_allclose(u, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        got = u
+        if k % 2:
+            got = 0.7 * u
+            law.delivered(got, got - u)
+        kept_A = (got.reshape(2, 3) @ R).ravel() - inertial_A
+
+
 @pytest.mark.parametrize("compensation", COMPENSATIONS)
 def test_a_whole_flight_is_the_same_on_either_model(compensation):
     """Task 2 in full weather, to 1e-9.

@@ -57,6 +57,19 @@ def test_without_observer_and_lead_it_is_dc_pid(vehicle, rng):
 GAINS = {"position_gains": (25.0, 3.0, 10.0), "attitude_gains": (60.0, 5.0, 15.0)}
 
 
+BOUNDS = [
+    None,
+    *(
+        np.array(b)
+        for b in (
+            [6, 6, 30, 0.8, 0.8, 0.6],
+            [6, 6, 30, 9e9, 9e9, 9e9],
+            [9e9, 9e9, 9e9, 0.8, 0.8, 0.6],
+        )
+    ),
+]
+
+
 class Assembled:
     """dc-PID+ put together from dc-PID, observer and caution, as the module's text has it."""
 
@@ -123,7 +136,7 @@ class Assembled:
 
 
 @pytest.mark.parametrize("compensation", COMPENSATIONS)
-@pytest.mark.parametrize("bounds", [None, np.array([6.0, 6.0, 30.0, 0.8, 0.8, 0.6])])
+@pytest.mark.parametrize("bounds", BOUNDS, ids=["none", "all", "force", "moment"])
 def test_is_dc_pid_less_the_observed_wrench_and_a_lead(vehicle, rng, compensation, bounds):
     """Period by period, smooth and rough, delivered and not. Rounding grows in the observer."""
     plus = make_controller(

@@ -7,7 +7,8 @@ import pytest
 from fullam.control.controller import ALL_AXES, Measurement, ReferencePoint
 from fullam.control.controllers import make_controller
 from fullam.control.law import estimate_of, target_of
-from fullam.control.pid import Pid, PidSettings, drained, integrated, pid, pose_error
+from fullam.control.pid import Pid, PidSettings, drained, integrated, pid, pose_error, rigid_inertia
+from fullam.dynamics.multibody import rotation_of
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import SettingsError
@@ -120,14 +121,31 @@ def test_what_is_missing_of_a_moment_is_turned_by_the_inertia_in_its_own_axes(ve
     np.testing.assert_allclose(released, 0.01 * np.abs(rates), atol=EXACT)
 
 
+def test_u_is_what_one_rigid_body_takes(vehicle):
+    """Force by the mass and the weight, moment by the neutral arm's inertia turned to the world."""
+    controller, m, ref = Pid(vehicle), at(vehicle, (0, 0, 0), (0.3, -0.4, 0.9)), ReferencePoint()
+    ref.pose = pose_from_euler(np.array([0.2, 0.1, -0.3]), np.array([0.1, 0.2, 0.3]))
+    u, a, R = controller.wrench(0.0, m, ref), controller.u_pid, rotation_of(m.q)
+    weight = np.array([0.0, 0.0, vehicle.mass * vehicle.gravity])
+    np.testing.assert_allclose(u[:3], vehicle.mass * a[:3] + weight, atol=EXACT)
+    turned = R @ rigid_inertia(vehicle) @ R.T
+    np.testing.assert_allclose(u[3:], turned @ a[3:], atol=EXACT)
+    np.testing.assert_allclose(controller.u_dc, [*weight, 0, 0, 0], atol=EXACT)
+
+
 @pytest.mark.parametrize("law", ["pid", "dc-pid", "computed-wrench"])
-def test_what_the_bounds_cut_off_drains_the_integrator_as_a_missing_wrench_does(vehicle, law):
+@pytest.mark.parametrize(
+    "tight", [0.98, [0.98, 0.98, 0.98, 9.0, 9.0, 9.0], [9, 9, 9, 0.9, 0.9, 0.9]]
+)
+def test_what_the_bounds_cut_off_drains_the_integrator_as_a_missing_wrench_does(
+    vehicle, law, tight
+):
     """The same law without bounds, told afterwards that it got what the bounds allow."""
     gains = {"position_gains": (9.0, 4.0, 6.0), "attitude_gains": (30.0, 9.0, 10.0)}
     m, ref = at(vehicle, (0, 0, 0), (0.1, -0.1, 0.2)), ReferencePoint()
     ref.pose = pose_from_euler(np.array([4.0, -4.0, 4.0]), np.array([0.8, 0.9, -0.7]))
     free = make_controller(law, vehicle, **gains)
-    upper = 0.98 * np.abs(free.wrench(0.0, m, ref))
+    upper = np.array(tight) * np.abs(free.wrench(0.0, m, ref))
     bound = make_controller(law, vehicle, wrench_bounds=tuple(upper), **gains)
     lower = -upper * [1, 1, 0, 1, 1, 1]
     free.reset(m, ref)

@@ -153,6 +153,20 @@ def test_a_rate_of_zero_is_off():
     assert np.abs(rows[-1, 3:]).min() > 0.001
 
 
+def test_begins_with_rotors_that_carry_the_weight_and_nothing_unexplained():
+    """Tilted and with the arm out; the estimate that it began with then tells it nothing new."""
+    vehicle = load_vehicle("fullam")
+    observer, m = Observer(vehicle, (5.0, 5.0)), Measurement(vehicle)
+    m.q[3:7], m.q[7:] = pin.Quaternion(pin.exp3(np.array([0.4, -0.3, 0.8]))).coeffs(), 0.5
+    m.v[:] = 0.3
+    observer.reset(m)
+    carried = pin.computeGeneralizedGravity(vehicle.model, vehicle.create_data(), m.q)[:6]
+    np.testing.assert_allclose([*flat(observer.memory.actual)], carried, rtol=0, atol=1e-12)
+    assert observer.memory.command == observer.memory.actual
+    np.testing.assert_allclose(observer.update(m), 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose([*flat(observer.memory.actual)], carried, rtol=0, atol=1e-12)
+
+
 def test_actual_follows_the_command_with_the_lag():
     vehicle = load_vehicle("fullam")
     observer, m = Observer(vehicle, (5.0, 5.0)), Measurement(vehicle)
