@@ -149,14 +149,14 @@ def test_the_derivative_of_the_error_is_exact_on_both_sides_of_the_series(rng, a
 
 @pytest.mark.parametrize("angle", [1e-6, 0.01, 0.0999, 0.1001, 1.0, 2.0, 3.0])
 def test_the_derivative_of_the_error_is_the_inverse_jacobian_of_pinocchio(rng, angle):
-    """J_l^-1(e) (w_d - R_e w) to rounding, which towards pi the Jacobian amplifies."""
+    """J_l^-1(e) (w_d - R_e w) to rounding of order-one numbers, of Pinocchio's 1e-13 near pi."""
     e = rng.normal(size=3)
     e *= angle / np.linalg.norm(e)
     w, w_d = rng.normal(size=(2, 3))
     R_e = pin.exp3(e)
     expected = pin.Jlog3(R_e).T @ (w_d - R_e @ w)
     found = attitude_derivative(tuple(e), tuple(w), tuple(w_d))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-13)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=4e-15 if angle < 3.0 else 2e-13)
 
 
 def test_the_series_joins_the_closed_form(rng):
