@@ -20,6 +20,7 @@ from fullam.control.estimator import (
     KernelEstimator,
     Readings,
     estimate_stage,
+    flies_as_kernel,
 )
 from fullam.control.law import (
     CommandView,
@@ -301,6 +302,6 @@ def kernel_estimator(estimator: Estimator) -> KernelEstimator:
     Raises:
         SettingsError: It is a class of its own.
     """
-    if isinstance(estimator, KernelEstimator):
+    if isinstance(estimator, KernelEstimator) and flies_as_kernel(type(estimator)):
         return estimator
     raise not_fused("estimator", estimator.name, "KernelEstimator")
