@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from fullam.analysis.worker_processes import WorkerProcesses
+from fullam.analysis.worker_processes import MOST_JOBS, WorkerProcesses
 from fullam.exceptions import CampaignError, FullamWarning, MissingDependency
 
 CONNECT_TIMEOUT = 10.0
@@ -224,6 +224,17 @@ class SchedulerWorkers:
             said = True
 
 
+def checked_jobs(jobs: int) -> int:
+    """The number of jobs.
+
+    Raises:
+        CampaignError: It is none.
+    """
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
+        raise CampaignError("campaign", "jobs", f"is {jobs!r}", f"give 1 to {MOST_JOBS}")
+    return jobs
+
+
 @contextmanager
 def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Iterator[Workers]:
     """Workers for the length of a `with` block.
@@ -240,8 +251,7 @@ def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Ite
     Warns:
         FullamWarning: The scheduler's address is not encrypted; or it has no workers.
     """
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
-        raise CampaignError("campaign", "jobs", f"is {jobs!r}", "give a whole number, 1 or more")
+    checked_jobs(jobs)
     with ExitStack() as stack:
         if scheduler is not None:
             if isinstance(scheduler, str):
