@@ -109,8 +109,13 @@ class Campaign:
         vehicles = {s.vehicle: cached_vehicle(s.vehicle) for s in scenarios}
         self._fix(scenarios=scenarios, contenders=contenders, seeds=seeds, weather=weather)
         self._fix(vehicles=vehicles, registered=self._registered())
-        plans = {c.label: [self.plan(s, c) for s in scenarios] for c in contenders}
-        self._fix(drivers={label: driver_of(those, self.driver) for label, those in plans.items()})
+        usual = self.simulation.estimator
+        drivers = {
+            c.label: driver_of(c.controller, c.estimator or usual, self.driver) for c in contenders
+        }
+        self._fix(drivers=drivers)
+        for scenario, contender in itertools.product(scenarios, contenders):
+            self.plan(scenario, contender)
 
     def _fix(self, **values: Any) -> None:
         """Set fields while this is being made."""

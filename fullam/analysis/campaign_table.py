@@ -125,7 +125,7 @@ class CampaignTable:
 
     Attributes:
         rows: The pyarrow table.
-        identity: What was flown: scenarios, contenders, weather, simulation, engine, code.
+        identity: What was flown: scenarios, contenders, weather, simulation, drivers, code.
     """
 
     def __init__(self, rows: pa.Table, identity: Mapping[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,6 +68,31 @@ class ThisProcess:
             while left is not None:
                 result = work(left)
                 left = rest(left, result) if rest is not None else None
+                yield i, result
+
+
+class Threads:
+    """Threads of this process: for work that leaves the interpreter's lock alone."""
+
+    def __init__(self, pool: ThreadPoolExecutor) -> None:
+        """Take a pool."""
+        self._pool = pool
+
+    def map_unordered(
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        rest: Rest[Item, Result] | None = None,
+    ) -> Iterator[tuple[int, Result]]:
+        """As in `Workers`."""
+        of = {self._pool.submit(work, item): (i, item) for i, item in enumerate(items)}
+        while of:
+            for future in wait(of, return_when=FIRST_COMPLETED).done:
+                i, item = of.pop(future)
+                result = future.result()
+                left = rest(item, result) if rest is not None else None
+                if left is not None:
+                    of[self._pool.submit(work, left)] = (i, left)
                 yield i, result
 
 
@@ -236,13 +262,16 @@ def checked_jobs(jobs: int) -> int:
 
 
 @contextmanager
-def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Iterator[Workers]:
+def open_workers(
+    jobs: int = 1, scheduler: Scheduler | str | None = None, threads: bool = False
+) -> Iterator[Workers]:
     """Workers for the length of a `with` block.
 
     Args:
         jobs: Worker processes of this machine, one thread each, reached through pipes that nobody
             else can open; 1 works in this process, with one thread.
         scheduler: A running dask scheduler, or its address, instead.
+        threads: Take threads of this process in the place of processes.
 
     Raises:
         MissingDependency: cloudpickle or distributed is not installed.
@@ -257,6 +286,11 @@ def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Ite
             if isinstance(scheduler, str):
                 scheduler = Scheduler(scheduler)
             yield stack.enter_context(scheduler.connect())
+        elif threads and jobs > 1:
+            stack.enter_context(threadpool_limits(1))
+            pool = ThreadPoolExecutor(jobs)
+            stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+            yield Threads(pool)
         elif jobs > 1:
             processes = WorkerProcesses(jobs)
             stack.callback(processes.close)

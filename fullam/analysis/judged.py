@@ -6,7 +6,7 @@ of some threads, and are judged where they were flown. All others fly one by one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,22 +39,24 @@ FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
 """What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
 
 
-def driver_of(plans: Iterable[FlightPlan], driver: str = FASTEST) -> str:
-    """The driver that is meant: "fused" where law and estimator of all plans are kernels.
+def driver_of(controller: str, estimator: str, driver: str = FASTEST) -> str:
+    """The driver that is meant: machine code where law and estimator are written as kernels.
+
+    Args:
+        controller: Name of the controller.
+        estimator: Name of the estimator.
+        driver: One of `DRIVERS`, or `FASTEST`.
 
     Raises:
-        UnknownName: No such driver.
+        UnknownName: No such controller, estimator or driver.
     """
+    law, filtering = controller_class(controller), estimator_class(estimator)
     if driver in DRIVERS:
         return driver
     if driver != FASTEST:
         raise UnknownName("driver", driver, (*DRIVERS, FASTEST))
-    return "fused" if available() and all(map(_as_kernels, plans)) else "python"
-
-
-def _as_kernels(plan: FlightPlan) -> bool:
-    law, estimator = controller_class(plan.controller), estimator_class(plan.simulation.estimator)
-    return flies_as_kernels(law) and flies_as_kernel(estimator)
+    kernels = flies_as_kernels(law) and flies_as_kernel(filtering)
+    return "fused" if kernels and available() else "python"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +106,7 @@ def fly_judged(
         UnknownName: No such driver.
     """
     judge = judge_of(plan)
-    if driver_of([plan], driver) == "python":
+    if driver_of(plan.controller, plan.simulation.estimator, driver) == "python":
         for seed in seeds:
             yield _fly_by_python(plan, seed, judge, trace_every)
         return

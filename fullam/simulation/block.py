@@ -119,7 +119,7 @@ class Block:
     def begin(self) -> None:
         """Stand at the scenario's start, at rest, rotors at hover speed; nothing remembered."""
         self.state.array[:] = 0.0
-        self.state.array[0, :7].T[:] = self.tables.plan.scenario.initial_pose
+        self.state.array[0, :7].T[:] = self.tables.initial_pose
         self.status.array[:] = 0.0
         self.status["end"][:] = FOREVER
         for rows in rows_of(self.memory):
