@@ -26,7 +26,7 @@ from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.campaign_table import CampaignTable
 
 Array = NDArray[np.float64]
 

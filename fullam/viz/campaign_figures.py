@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.campaign_table import CampaignTable
     from fullam.analysis.statistics import Interval
     from fullam.model.vehicle import Vehicle
 
