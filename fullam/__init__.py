@@ -21,6 +21,8 @@ from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.references import Circle, Step, Waypoints
+from fullam.simulation.many import fly_many
+from fullam.simulation.refly import refly
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import (
     Scenario,
@@ -29,13 +31,11 @@ from fullam.simulation.scenario import (
     scenario_names,
 )
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import simulate
+from fullam.simulation.shaping import Shaping
+from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 from fullam.viz.viewer import explore, view
-
-# Vehicles and records know nothing of pictures: what one sees imports what is, not the reverse.
-Run.view = Vehicle.view = view  # type: ignore[attr-defined]
 
 __all__ = [
     "Allocation",
@@ -49,6 +49,7 @@ __all__ = [
     "Run",
     "Scenario",
     "SimulationSettings",
+    "Shaping",
     "SineRate",
     "Step",
     "Vehicle",
@@ -60,10 +61,13 @@ __all__ = [
     "design_vehicle",
     "estimator_names",
     "explore",
+    "fly_many",
     "load_scenario",
     "load_vehicle",
     "make_controller",
     "measure",
+    "prepare",
+    "refly",
     "register",
     "register_scenario",
     "scenario_names",

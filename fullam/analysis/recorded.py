@@ -36,15 +36,18 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.analysis.response import coordinates, settling_time
-from fullam.dynamics.pose_space import AttitudeView
+from fullam.control.delivery import AllocateView
+from fullam.dynamics.spatial import Pose
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.records import record
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.catalogue import CONFIGURATIONS, HOME
 from fullam.simulation.flight import Flight
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.shaping import UNSHAPED
 from fullam.simulation.simulate import prepare
 from fullam.simulation.weather import RECORDED, Weather
 
@@ -272,24 +275,35 @@ def _fly(task: Task, reading: Reading, proportional: float, seed: int) -> Figure
             "attitude_gains": (19.2, 1e-3, 9.0),
             "wrench_bounds": BOUNDS,
             "compensation": "previous_wrench",
-            "max_acceleration": None,
-            "max_angular_acceleration": None,
-            "anticipate": False,
         },
+        shaping=UNSHAPED,
         simulation=SimulationSettings(
-            control_period=reading.control_period, filter_cutoff=reading.filter_cutoff
+            control_period=reading.control_period,
+            estimator_settings={"cutoff": reading.filter_cutoff},
         ),
     )
-    flight = Flight(replace(plan, true=true_vehicle(plan.true)))
+    flight = Flight(plan.with_true(true_vehicle(plan.true)))
     if reading.exact_turn:
-        view = AttitudeView()
-        flight.thrust_attitude = lambda: view.look(flight.plant.q[:7])
+        turn_exactly(flight)
     for _ in flight.ticks():
         pass
     run = flight.run()
     error = coordinates(run.pose) - coordinates(run.reference_pose)
     step = 1e3 * (run.reference_pose[-1, :3] - np.array(HOME))
     return Figures.of(run.t, error, run.command, step if step.any() else None)
+
+
+def turn_exactly(flight: Flight) -> None:
+    """Have the true attitude, not the measured one, turn each command to {A}."""
+    allocate, view = flight.stages["allocate"]
+
+    def exactly(view: AllocateView, k: int) -> None:
+        told = view.estimate[0]
+        view.estimate[0] = told._replace(pose=record(Pose, flight.pose))
+        allocate(view, k)
+        view.estimate[0] = told
+
+    flight.stages["allocate"] = exactly, view
 
 
 def weather(reading: Reading) -> Weather:

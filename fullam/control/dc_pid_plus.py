@@ -119,10 +119,6 @@ class DcPidPlusSettings(DcPidSettings):
         lag = self.actuation_lag
         return float(vehicle.rotors.lags.mean()) if lag is None else lag
 
-    def thrust_lag(self, vehicle: Vehicle) -> float:
-        """The same as the lead makes it appear; see `TrackingSettings.thrust_lag`."""
-        return self.wrench_lag(vehicle) / self.actuation_speedup
-
 
 class DcPidPlusNumbers(NamedTuple):
     """dc-PID+ as numbers.
@@ -188,7 +184,7 @@ def paced(numbers, factors):
 def turned_on(wrench, turn):
     """A wrench turned with the platform by a small rotation vector: on, or back by its opposite.
 
-    With `anticipate` a command is turned to {A} by the attitude that the reference has one lag
+    Where lags are anticipated a command is turned to {A} by the attitude that the reference has one lag
     ahead, so what is fixed to the rotors is turned on before, and back after.
     """
     force, moment = wrench.linear, wrench.angular
@@ -369,7 +365,7 @@ class DcPidPlus(DcPid):
             caution_numbers(period, s.roughness_limits),
             record(Spatial, controlled),
             record(Spatial, controlled * (s.actuation_speedup - 1.0)),
-            self.thrust_lag() + 0.5 * period if s.anticipate else 0.0,
+            self.thrust_lag() + 0.5 * period if self.anticipated else 0.0,
         )
 
     def wrench_lag(self) -> float:
