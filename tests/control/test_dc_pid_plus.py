@@ -7,8 +7,8 @@ import pytest
 
 import fullam
 from fullam.control.controller import Measurement, ReferencePoint
-from fullam.control.controllers import make_controller
-from fullam.control.dc_pid_plus import DcPidPlusSettings
+from fullam.control.controllers import make_controller, make_settings
+from fullam.control.dc_pid_plus import DcPidPlus, DcPidPlusSettings
 from fullam.exceptions import SettingsError
 from fullam.model.loading import load_vehicle
 from fullam.model.perturbation import Uncertainty
@@ -83,9 +83,8 @@ def test_the_lead_asks_for_more_and_only_on_controlled_axes(vehicle):
     axes = (False, False, True, True, True, True)
     asked = {}
     for speedup in (1.0, 3.0):
-        controller = make_controller(
-            "dc-pid-plus", vehicle, axes=axes, actuation_speedup=speedup, anticipate=False
-        )
+        settings = make_settings("dc-pid-plus", {"actuation_speedup": speedup})
+        controller = DcPidPlus(vehicle, settings, axes=axes, anticipated=False)
         m, ref = Measurement(vehicle), ReferencePoint()
         controller.reset(m, ref)
         ref.acceleration = np.ones(6)
