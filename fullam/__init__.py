@@ -20,8 +20,8 @@ from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.many import fly_many
+from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.refly import refly
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import (
@@ -48,8 +48,8 @@ __all__ = [
     "Rotors",
     "Run",
     "Scenario",
-    "SimulationSettings",
     "Shaping",
+    "SimulationSettings",
     "SineRate",
     "Step",
     "Vehicle",

@@ -184,8 +184,8 @@ def paced(numbers, factors):
 def turned_on(wrench, turn):
     """A wrench turned with the platform by a small rotation vector: on, or back by its opposite.
 
-    Where lags are anticipated a command is turned to {A} by the attitude that the reference has one lag
-    ahead, so what is fixed to the rotors is turned on before, and back after.
+    Where lags are anticipated a command is turned to {A} by the attitude that the reference has
+    one lag ahead, so what is fixed to the rotors is turned on before, and back after.
     """
     force, moment = wrench.linear, wrench.angular
     return Spatial(add(force, cross(turn, force)), add(moment, cross(turn, moment)))

@@ -15,9 +15,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
-from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.controller import Controller
 from fullam.control.controllers import controller_class
+from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb

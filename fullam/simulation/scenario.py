@@ -17,7 +17,7 @@ from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
 from fullam.simulation.references import Reference, Step
-from fullam.simulation.shaping import Shaping
+from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 
@@ -59,7 +59,7 @@ class Scenario:
     duration: float = 6.0
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
-    shaping: Shaping = Shaping()
+    shaping: Shaping = SHAPED
 
     def __post_init__(self) -> None:
         """Check the numbers and the axes; lists become tuples."""
@@ -165,7 +165,8 @@ class Scenario:
                 f"scenario '{name}'",
                 "a value",
                 f"is of the wrong type ({error})",
-                "give numbers where numbers belong, tables for reference, arm motion, weather, shaping",
+                "give numbers where numbers belong, and tables for reference, arm motion, weather "
+                "and shaping",
             ) from error
 
     @staticmethod

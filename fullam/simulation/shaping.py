@@ -7,6 +7,7 @@ which a law sees one point, so they belong to the experiment and not to the law.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -83,7 +84,7 @@ class Shaping:
         """
         return cls().changed(data)
 
-    def changed(self, changes: dict[str, Any]) -> Shaping:
+    def changed(self, changes: Mapping[str, Any]) -> Shaping:
         """The same with some fields changed.
 
         Raises:
@@ -95,6 +96,9 @@ class Shaping:
                 raise ScenarioError("shaping", key, "is no field of it", f"it has {known}")
         return Shaping(**self.to_dict() | dict(changes))
 
+
+SHAPED = Shaping()
+"""What is usual."""
 
 UNSHAPED = Shaping(None, None, anticipate=False)
 """The reference as it is."""

@@ -39,7 +39,7 @@ def make_plant(plant_of):
 
 
 def whole(vehicle, motion, plant, t):
-    """q and v of the vehicle at time t."""
+    """Configuration and velocity of the vehicle at time t."""
     arm = motion.tabulate(np.array([0.0, t]), np.linspace(-0.8, 0.5, vehicle.n_arm))
     return np.append(plant.q, arm.theta[1]), np.append(plant.v, arm.dtheta[1])
 
