@@ -36,8 +36,11 @@ if TYPE_CHECKING:
     from fullam.control.estimators import estimator_names
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
+    from fullam.simulation.many import fly_many
+    from fullam.simulation.refly import refly
     from fullam.simulation.settings import SimulationSettings
-    from fullam.simulation.simulate import simulate
+    from fullam.simulation.shaping import Shaping
+    from fullam.simulation.simulate import prepare, simulate
 
 LATER = {
     "fullam.analysis.metrics": ("Metrics", "measure"),
@@ -47,8 +50,11 @@ LATER = {
     "fullam.control.estimators": ("estimator_names",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
+    "fullam.simulation.many": ("fly_many",),
+    "fullam.simulation.refly": ("refly",),
     "fullam.simulation.settings": ("SimulationSettings",),
-    "fullam.simulation.simulate": ("simulate",),
+    "fullam.simulation.shaping": ("Shaping",),
+    "fullam.simulation.simulate": ("prepare", "simulate"),
 }
 """Modules that are imported when a name of theirs is asked for: a help text flies nothing."""
 
@@ -68,9 +74,6 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-# Vehicles and records know nothing of pictures: what one sees imports what is, not the reverse.
-Run.view = Vehicle.view = view  # type: ignore[attr-defined]
-
 __all__ = [
     "Allocation",
     "Allocator",
@@ -82,6 +85,7 @@ __all__ = [
     "Rotors",
     "Run",
     "Scenario",
+    "Shaping",
     "SimulationSettings",
     "SineRate",
     "Step",
@@ -94,10 +98,13 @@ __all__ = [
     "design_vehicle",
     "estimator_names",
     "explore",
+    "fly_many",
     "load_scenario",
     "load_vehicle",
     "make_controller",
     "measure",
+    "prepare",
+    "refly",
     "register",
     "register_scenario",
     "scenario_names",

@@ -99,7 +99,7 @@ def box_lists(unknowns: Rows, scales: Rows, slots: int = STORE) -> Box:
 
 
 def limit(n: int) -> int:
-    """Changes of the active set after which a search gives up; random problems of n unknowns took 4 n at most."""
+    """Changes of the active set after which a search gives up; random problems took 4 n at most."""
     return 100 + 20 * n
 
 

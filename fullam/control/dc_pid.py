@@ -208,9 +208,10 @@ class DcPid(PidBase):
         settings: DcPidSettings | None = None,
         period: float = 0.01,
         axes: tuple[bool, ...] = ALL_AXES,
+        anticipated: bool = True,
     ) -> None:
         """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
+        super().__init__(vehicle, settings, period, axes, anticipated)
         self.model: Model = compensation_model(self.settings.model, vehicle, self.links)
 
     @property

@@ -119,10 +119,6 @@ class DcPidPlusSettings(DcPidSettings):
         lag = self.actuation_lag
         return float(vehicle.rotors.lags.mean()) if lag is None else lag
 
-    def thrust_lag(self, vehicle: Vehicle) -> float:
-        """The same as the lead makes it appear; see `TrackingSettings.thrust_lag`."""
-        return self.wrench_lag(vehicle) / self.actuation_speedup
-
 
 class DcPidPlusNumbers(NamedTuple):
     """dc-PID+ as numbers.
@@ -346,7 +342,7 @@ class DcPidPlus(DcPid):
             caution_numbers(period, s.roughness_limits),
             record(Spatial, controlled),
             record(Spatial, controlled * (s.actuation_speedup - 1.0)),
-            self.thrust_lag() + 0.5 * period if s.anticipate else 0.0,
+            self.thrust_lag() + 0.5 * period if self.anticipated else 0.0,
         )
 
     def wrench_lag(self) -> float:

@@ -245,7 +245,6 @@ def test_flies_the_step_and_feels_the_arm_that_dc_pid_cancels():
         {"position_gains": (0.0, 4.0, 1.0)},
         {"attitude_gains": (1.0, 2.0)},
         {"integral_limits": (1.0, -1.0)},
-        {"max_acceleration": 0.0},
         {"anti_windup": -1.0},
     ],
 )

@@ -216,8 +216,6 @@ def test_wrong_settings_name_the_field_and_the_choices():
         make_settings("dc-pid", {"compensation": "none"})
     with pytest.raises(SettingsError, match=r"no setting of it.*position_gains"):
         make_settings("dc-pid", {"position_gain": 1.0})
-    with pytest.raises(SettingsError, match=r"anticipate.*true or false"):
-        make_settings("dc-pid", {"anticipate": "False"})
     with pytest.raises(SettingsError, match=r"DcPidSettings"):
         fullam.simulate("task-1", "pid", settings=make_settings("dc-pid"))
     with pytest.raises(SettingsError, match=r"wrong type"):

@@ -9,9 +9,9 @@ import pytest
 import fullam
 from fullam.control.caution import caution_factors, caution_numbers, felt, trusted
 from fullam.control.controller import Measurement, ReferencePoint
-from fullam.control.controllers import make_controller
+from fullam.control.controllers import make_controller, make_settings
 from fullam.control.dc_pid import COMPENSATIONS
-from fullam.control.dc_pid_plus import DcPidPlusSettings
+from fullam.control.dc_pid_plus import DcPidPlus, DcPidPlusSettings
 from fullam.control.law import estimate_of, motions_of
 from fullam.control.wrench_observer import asked, nothing_observed, observed, observer_numbers
 from fullam.dynamics.multibody import rotation_of
@@ -216,9 +216,8 @@ def test_the_lead_asks_for_more_and_only_on_controlled_axes(vehicle):
     axes = (False, False, True, True, True, True)
     asked = {}
     for speedup in (1.0, 3.0):
-        controller = make_controller(
-            "dc-pid-plus", vehicle, axes=axes, actuation_speedup=speedup, anticipate=False
-        )
+        settings = make_settings("dc-pid-plus", {"actuation_speedup": speedup})
+        controller = DcPidPlus(vehicle, settings, axes=axes, anticipated=False)
         m, ref = Measurement(vehicle), ReferencePoint()
         controller.reset(m, ref)
         ref.acceleration = np.ones(6)

@@ -184,8 +184,6 @@ def test_the_command_respects_its_bounds(vehicle):
         ("position_gains", (1.0, -2.0, 3.0)),
         ("integral_limits", (1.0, -1.0)),
         ("wrench_bounds", (1.0, 1.0, 1.0)),
-        ("max_acceleration", 0.0),
-        ("max_angular_acceleration", float("nan")),
         ("anti_windup", -1.0),
     ],
 )

@@ -47,7 +47,7 @@ def test_a_prismatic_joint_starts_and_moves_in_metres(sliding, tmp_path):
     run.save(tmp_path / "run.npz")
     again = Run.load(tmp_path / "run.npz")
     assert again.units == run.units
-    assert np.array_equal(again.refly().pose, run.pose)
+    assert np.array_equal(fullam.refly(again).pose, run.pose)
 
 
 def test_a_continuous_joint_may_turn_over_and_over():

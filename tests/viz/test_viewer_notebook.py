@@ -20,7 +20,7 @@ def explorer():
 def test_a_cell_holds_the_whole_page():
     data = fullam.load_scenario("task-2").to_dict() | {"duration": 0.2}
     run = fullam.simulate(fullam.Scenario.from_dict(data), calm=True)
-    view = run.view(height=333)
+    view = fullam.view(run, height=333)
     cell = view._repr_html_()
     assert "height: 333px" in cell and "srcdoc=" in cell
     assert "fullam.film(" in cell and "script src" not in cell
