@@ -120,7 +120,7 @@ def test_both_drivers_fly_from_the_command_line(fullam, scenario):
     assert one == pytest.approx(other, rel=1e-9)
     code, _, err = fullam("run", scenario(SHORT), "--driver", "steam")
     assert code == USAGE
-    assert "compiled" in err
+    assert "fused" in err
 
 
 def test_options_reach_the_flight(fullam, scenario, tmp_path):
