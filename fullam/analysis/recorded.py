@@ -50,6 +50,7 @@ from fullam.simulation.fused import Fused
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.shaping import UNSHAPED
 from fullam.simulation.simulate import prepare
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import RECORDED, Weather
@@ -289,12 +290,11 @@ def _fused(task: Task, reading: Reading, proportional: float) -> Fused:
             "attitude_gains": (19.2, 1e-3, 9.0),
             "wrench_bounds": BOUNDS,
             "compensation": "previous_wrench",
-            "max_acceleration": None,
-            "max_angular_acceleration": None,
-            "anticipate": False,
         },
+        shaping=UNSHAPED,
         simulation=SimulationSettings(
-            control_period=reading.control_period, filter_cutoff=reading.filter_cutoff
+            control_period=reading.control_period,
+            estimator_settings={"cutoff": reading.filter_cutoff},
         ),
     )
     plan = plan.with_true(true_vehicle(plan.true))

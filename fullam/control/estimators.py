@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -45,7 +45,7 @@ def estimator_class(name: str) -> type[Estimator]:
     return ESTIMATORS[name]
 
 
-def make_estimator_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
+def make_estimator_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
     """Settings of the estimator `name`, its defaults with some of them changed.
 
     Raises:

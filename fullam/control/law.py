@@ -64,9 +64,10 @@ class KernelLaw(Controller):
         settings: Any = None,
         period: float = 0.01,
         axes: tuple[bool, ...] = ALL_AXES,
+        anticipated: bool = True,
     ) -> None:
         """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
+        super().__init__(vehicle, settings, period, axes, anticipated)
         self.link_rows: Rows = LinkRows.of(LinkChain.from_model(vehicle.model)).rows
         self.links: list[Any] = self.link_rows.to_list()
         self._numbers = self.numbers()

@@ -1,4 +1,4 @@
-"""What `run.view()` gives: shows itself in a notebook, or serves and writes itself."""
+"""What `fullam.view(run)` gives: shows itself in a notebook, or serves and writes itself."""
 
 from __future__ import annotations
 
