@@ -79,14 +79,22 @@ def test_drawing_packages_stay_in_viz(package):
             assert package not in names, path
 
 
-def test_importing_the_package_draws_and_fetches_nothing():
+def test_importing_the_package_draws_and_fetches_nothing_and_waits_for_no_slow_package():
     import subprocess
     import sys
 
     heavy = ["matplotlib", "meshcat", "yourdfpy", "numba", "distributed", "mujoco"]
+    heavy += ["scipy", "proxsuite", "pandas", "pyarrow", "casadi", "importlib.metadata", "asyncio"]
     code = f"import fullam, sys; print([m for m in {heavy!r} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_every_public_name_is_there_and_completed():
+    assert set(fullam.__all__) <= set(dir(fullam))
+    assert all(getattr(fullam, name) is not None for name in fullam.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        _ = fullam.simulat
 
 
 def test_no_file_is_long():

@@ -52,7 +52,7 @@ def euler_xyz(q):
     """(phi, psi, gamma) with R = Rx(phi) Ry(psi) Rz(gamma), eq. (2) [deg].
 
     sin psi = R_13, tan phi = -R_23 / R_33, tan gamma = -R_12 / R_11; the entries are written so
-    that the quaternion's length cancels.
+    that the quaternion's length cancels. At psi = +-90 deg only a sum of phi and gamma is known.
     """
     x, y, z, w = q
     xx, yy, zz, ww = x * x, y * y, z * z, w * w

@@ -26,7 +26,7 @@ from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.campaign_table import CampaignTable
 
 Array = NDArray[np.float64]
 
@@ -205,7 +205,7 @@ def prove_no_tilted_hover(
     """
     import pinocchio as pin
 
-    q = vehicle.neutral(np.radians(np.array(arm_deg)))
+    q = vehicle.neutral(vehicle.joints.from_typed(arm_deg))
     q[:7] = pose_from_euler(np.zeros(3), np.radians(np.array(euler_deg)))
     wrench = pin.computeGeneralizedGravity(vehicle.model, vehicle.create_data(), q)[:6]
     coupling = vehicle.rotors.normalized_coupling

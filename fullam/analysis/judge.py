@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.analysis.asked_motion import STEP_MINIMUM, AskedMotion
-from fullam.analysis.figures import (
+from fullam.analysis.figure_records import (
     AxisFigures,
     AxisTerms,
-    FigureProgram,
     FlightFigures,
     FlightTerms,
     SignalFigures,
     Terms,
 )
+from fullam.analysis.figures import FigureProgram
 from fullam.analysis.high_pass import sections
 from fullam.analysis.response import JITTER_FREQUENCY, Path, path_numbers, rows_inside, window
 from fullam.numbers.records import Rows, columns
@@ -44,8 +44,8 @@ HOLD_BAND = (20.0, 2.0)
 TRANSIENT = 3.0
 """Overshoot is sought at least this long after the jump, and until 1 s after settling [s]."""
 
-
 ROTATION = ("rotation_x", "rotation_y", "rotation_z")
+"""Names of the rotation vector of R R_d^T."""
 
 FIGURES = (
     *(f"{name}_{figure}" for name in (*AXES, *ROTATION) for figure in columns(SignalFigures)),
@@ -57,6 +57,7 @@ FIGURES = (
 """Names of the numbers of a flight, in order: those of an axis begin with its name."""
 
 COLUMN = {name: i for i, name in enumerate(FIGURES)}
+"""Where each of them stands."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,16 +10,19 @@ readings are given:
 
 - *raw*: the textbook's. The true error against 2 % of the step, over the whole response.
 - *noise-aware*, the one without a suffix: the moving average of the error over 0.2 s
-  (`response.SMOOTHING`), against 2 % (5 %) of the step but never less than `NOISE_SIGMAS` standard
-  deviations of the pose sensor's noise, because no controller can hold what its sensor cannot
-  see. Inside means `SHARE_INSIDE` of the time from then on, what two standard deviations
-  promise, and at least half of the response must be left to show it. Overshoot is sought in the
-  transient only; later peaks are answers to gusts. The rule follows from scenario and weather
-  alone, so it is the same for every controller. In weather without noise and gusts both readings
-  are the raw one.
+  (`response.SMOOTHING`), against 2 % (5 %) of the step but never less than `judge.NOISE_SIGMAS`
+  standard deviations of the pose sensor's noise, because no controller can hold what its sensor
+  cannot see. Inside means `judge.SHARE_INSIDE` of the time from then on, what two standard
+  deviations promise, and at least half of the response must be left to show it. Overshoot is
+  sought in the transient only; later peaks are answers to gusts. The rule follows from scenario
+  and weather alone, so it is the same for every controller. In weather without noise and gusts
+  both readings are the raw one.
 
-An axis that does not step has settled when it is inside `HOLD_BAND`, which is also 2 % of the
-paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
+An axis that does not step has settled when it is inside `judge.HOLD_BAND`, which is also 2 %
+of the paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
+
+One flight (`measure`) and the flights of a campaign, eight at a time (`judge.TrackJudge`, then
+`metrics_of` or `rows_of`), are measured by the same kernels and have the same bits.
 """
 
 from __future__ import annotations

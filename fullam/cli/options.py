@@ -95,11 +95,11 @@ FLIGHT = (
 """How to fly a scenario, whatever the controller."""
 
 
-ENGINE = argument(
-    "--engine",
-    default="reference",
+DRIVER = argument(
+    "--driver",
+    default="python",
     metavar="NAME",
-    help="reference, or compiled (with fullam[fast])",
+    help="python, or fused: machine code, for laws and estimators that are kernels",
 )
 
 

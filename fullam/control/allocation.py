@@ -165,6 +165,11 @@ class Allocator:
         """Solves by rung, and what the active set had to do."""
         return Counters(*map(int, self._memory.counts[0]))
 
+    @property
+    def is_cold(self) -> bool:
+        """Whether the next search starts from nothing."""
+        return self._box.search.last[0].is_warm == 0.0
+
     def reset(self) -> None:
         """Forget the warm start, so that a flight can be flown again bit for bit."""
         self._box.reset()

@@ -6,6 +6,7 @@ in a user's notebook, makes it another one when it changes.
 
 from __future__ import annotations
 
+import dis
 import hashlib
 import types
 from collections.abc import Iterator, Mapping
@@ -81,8 +82,9 @@ def _code(code: types.CodeType) -> Iterator[str]:
 
 
 def _names(code: types.CodeType) -> set[str]:
-    """Names of globals and cells that code refers to, that inside it included."""
-    names = {*code.co_names, *code.co_freevars}
+    """Names of globals and cells that code refers to, that inside it included; no attributes."""
+    loads = (i for i in dis.get_instructions(code) if i.opname in ("LOAD_GLOBAL", "LOAD_NAME"))
+    names = {*(str(i.argval) for i in loads), *code.co_freevars}
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
             names |= _names(constant)

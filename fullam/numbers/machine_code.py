@@ -15,12 +15,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
 from typing import Any
 
 from fullam.numbers.code_store import load, store
 from fullam.numbers.digest import describe, digest
-from fullam.numbers.kernel import KERNELS
+from fullam.numbers.kernel import KERNELS, SUBROUTINES
+from fullam.version import version_of
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ class Code:
 def available() -> bool:
     """Whether kernels can be compiled here: numba supports this interpreter and is installed."""
     try:
-        version("numba")
+        version_of("numba")
         import llvmlite.binding  # noqa: F401 - all that loading from disk needs
     except ImportError:  # PackageNotFoundError is one
         return False
@@ -114,8 +114,8 @@ def _machine() -> tuple[str, ...]:
         platform.python_version(),
         binding.get_host_cpu_name(),
         binding.get_host_cpu_features().flatten(),
-        version("numba"),
-        version("llvmlite"),
+        version_of("numba"),
+        version_of("llvmlite"),
     )
 
 
@@ -158,7 +158,8 @@ def _teach_kernels() -> None:
     for kernel in list(KERNELS):
         if id(kernel) not in _taught:
             _taught.add(id(kernel))
-            register_jitable(error_model="numpy", forceinline=True)(kernel)
+            options = {} if kernel in SUBROUTINES else {"forceinline": True}
+            register_jitable(error_model="numpy", **options)(kernel)
 
 
 def _compile_stage(kernel: Callable[..., Any], view: Any) -> tuple[str, bytes]:

@@ -103,6 +103,11 @@ class Tables:
         return Draws.of(plan.nominal, plan.weather, plan.t, plan.simulation.plant_period)
 
     @cached_property
+    def initial_pose(self) -> Array:
+        """Where the flight begins, [p, quaternion xyzw], shape (7,)."""
+        return np.array(self.plan.scenario.initial_pose)
+
+    @cached_property
     def hover(self) -> Array:
         """Rotor speeds at take-off, shape (n_r,) [rad/s]."""
         return hover_speeds(self.plan, self.allocator())

@@ -357,3 +357,14 @@ def test_gusts_alone_make_the_reading_noise_aware(make_run):
     # 10 Hz averages out over 20 samples; the window has 21, so 1.9 % / 21 may be left.
     assert metrics.axes["x"].overshoot_percent == pytest.approx(0.0, abs=0.1)
     assert metrics.axes["x"].overshoot_raw_percent == pytest.approx(1.9, rel=0.1)
+
+
+def test_a_slow_response_overshoots_until_one_second_after_it_settled(make_run):
+    t = grid(20.0)
+    x = np.interp(t, [0.0, 4.0, 4.5, 8.0, 8.2, 8.4], [1.0, 2.1, 2.0, 2.0, 2.3, 2.0])
+    target = along(0, np.full(t.size, 2.0))
+    metrics = measure(make_run(along(0, x), reference_position=target, weather=RECORDED))
+    assert 4.0 < metrics.settling_time_s < 4.5
+    # Averaged over 0.1 s of either slope, 0.275 and 0.2 m/s, the peak of 10 % loses 1.2 %.
+    assert metrics.overshoot_percent == pytest.approx(8.8, abs=0.2)
+    assert metrics.overshoot_raw_percent == pytest.approx(30.0, rel=ROUNDING)
