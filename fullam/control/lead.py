@@ -23,7 +23,7 @@ from fullam.numbers.vectors import add, cross, scale
 def turned_on(wrench, turn):
     """A wrench turned on with the platform, by a small rotation vector; world axes.
 
-    With `anticipate` a command is turned to {A} by the attitude that the reference has one lag
+    Where lags are anticipated a command is turned to {A} by the reference's attitude one lag
     ahead, so what is fixed to the rotors is turned on before, and back after.
     """
     force, moment = wrench.linear, wrench.angular

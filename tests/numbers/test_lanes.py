@@ -4,6 +4,7 @@ This is the alarm for upgrades of numba and llvmlite: `lanes`, `compiled_records
 `machine_code` know them from the inside, and everything that these know is used here.
 """
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,7 +145,7 @@ STAGES = (everything, lane_by_lane)
 
 
 def inputs(rng, lanes):
-    """Pairs and vectors of some flights, (periods, entries, lanes): all pairs of special numbers."""
+    """Pairs and vectors of some flights, (periods, entries, lanes), special ones first."""
     special = np.array([(a, b) for a in SPECIAL for b in SPECIAL]).T
     periods = -(-special.shape[1] // lanes) + 40
     pairs = rng.normal(size=(2, periods * lanes)) * 10.0 ** rng.uniform(-3, 3, (2, periods * lanes))
@@ -204,7 +205,7 @@ def test_a_run_in_stretches_is_the_whole_run(rng):
     for cuts in ((0, periods), (0, 1, 17, 17, periods)):
         view = view_of(pairs, vectors, LANES)
         flight = program([Stage(stage, view) for stage in STAGES], True)
-        for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+        for start, stop in pairwise(cuts):
             flight.run(start, stop)
         ends.append(view)
     for a, b in zip(ends[0], ends[1], strict=True):
@@ -228,7 +229,7 @@ def test_stages_are_called_in_turn_and_a_program_may_have_none():
 
 
 def test_machine_code_contracts_nothing():
-    """A b + c keeps both roundings: fused into one instruction it would not be 0 here."""
+    """Of a b + c both roundings are kept: fused into one instruction it would not be 0 here."""
     a, c = 1.0 + 2.0**-30, -(1.0 + 2.0**-29)
     view = Fused(Rows(Vector, [[a, a, c]]), Rows.empty(float, 1))
     program([Stage(multiply_add, view)], True).run(0, 1)

@@ -5,7 +5,14 @@ import pytest
 
 from fullam.control.controllers import make_controller
 from fullam.control.signals import Estimate, Target
-from fullam.dynamics.recursion import Chain, Joint, base_acceleration, gravity_in
+from fullam.dynamics.recursion import (
+    Chain,
+    Joint,
+    JointMotion,
+    base_acceleration,
+    gravity_in,
+    place_joints,
+)
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial
 from fullam.model.loading import load_vehicle
@@ -56,8 +63,6 @@ def chain(law, rng):
 
 
 def moving(law, rng):
-    from fullam.dynamics.recursion import JointMotion, place_joints
-
     joints = [None] * (len(law.links) - 1)
     motions = [JointMotion(*rng.normal(size=3).tolist()) for _ in joints]
     place_joints(law.links, motions, joints)
@@ -104,7 +109,7 @@ def test_a_law_and_its_derivative(law, chain, rng):
         return np.array([*flat(command(record(Estimate, x)))])
 
     x = 0.1 * rng.normal(size=size(Estimate))
-    x[3:7] = rng.normal(size=4) + [0, 0, 0, 5.0]
+    x[3:7] = rng.normal(size=4) + np.array([0.0, 0.0, 0.0, 5.0])
     x[3:7] /= np.linalg.norm(x[3:7])
     assert np.abs(plain(x)).max() < 89.0, "within its bounds, where the law is smooth"
     close(function(x), plain(x), ROUNDING)
