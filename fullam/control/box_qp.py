@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 STORE = 4001
 """Slots of the store of maps, a prime; half of them are used. A flight meets a few dozen sets, one
-that saturates all the time a hundred; eight of them in lanes share a store, and a map that has to
+that saturates all the time two hundred; eight of them in lanes share a store, and a map that has to
 be computed again costs more than twenty answers."""
 
 SMALL_STORE = 251
