@@ -289,7 +289,7 @@ def design_vehicle(base: str | Path = "fullam", name: str | None = None, **chang
         base: Name or path of a vehicle whose TOML has a [design] table.
         name: Of the variant; by default the base's name and the changes.
         **changes: Parameters of `VehicleDesign`, or of [rotor_defaults] (k_f, k_tau, max_speed,
-            lag), to replace.
+            lag, min_speed), to replace.
 
     Raises:
         VehicleError: If a parameter is unknown or cannot be built.
@@ -301,10 +301,11 @@ def design_vehicle(base: str | Path = "fullam", name: str | None = None, **chang
         raise VehicleError(
             where, "design", "is missing", f"only designs have variants: {', '.join(DESIGNS)}"
         )
-    known = (*VehicleDesign.parameters(), *read.ROTOR_NUMBERS)
+    numbers = (*read.ROTOR_NUMBERS, *read.ROTOR_OPTIONS)
+    known = (*VehicleDesign.parameters(), *numbers)
     read.check_keys(changes, known, f"design_vehicle({str(base)!r})", "")
     for key, value in changes.items():
-        table = "rotor_defaults" if key in read.ROTOR_NUMBERS else "design"
+        table = "rotor_defaults" if key in numbers else "design"
         definition.setdefault(table, {})[key] = value
     design = VehicleDesign.from_table(definition["design"], where)
     if changes:
