@@ -93,7 +93,9 @@ def multiples(facets: Facets, wrench: ArrayLike) -> tuple[float, float] | None:
         return 0.0, 0.0
     low, high = float(ends[0].max()), float(ends[1].min())
     outside = bool(_leaves(facets, low * d - facets.center, low * d)) if facets.rank < 6 else False
-    return None if outside or high < low or high < 0.0 else (max(low, 0.0), high)
+    if outside or min(high, high - low) < -ROUNDING:
+        return None
+    return max(low, 0.0), max(low, high, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
