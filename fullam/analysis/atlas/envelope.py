@@ -1,7 +1,8 @@
-"""What a vehicle can do in one pose of its arm: tilt, force, push, moment, acceleration, payload."""
+"""What a vehicle can do in one arm pose: tilt, force, push, moment, acceleration, payload."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from fullam.analysis.atlas.facets import Facets, facets_of
 from fullam.analysis.atlas.hover import least_effort
 from fullam.analysis.atlas.loads import Load, load_of
-from fullam.analysis.atlas.rays import Margin, margin, multiples, reach
+from fullam.analysis.atlas.rays import OUTSIDE, ROUNDING, Margin, margin, multiples, reach
 from fullam.analysis.atlas.tilt import (
     AttitudeBounds,
     attitude_bounds,
@@ -123,7 +124,7 @@ class Envelope:
     @property
     def least_level_force(self) -> float:
         """Largest horizontal force that is there in every direction while level, exactly [N]."""
-        return self._least(self._per_force(self.load.center)[:, :2])
+        return self._least(lambda rows: _per_force(rows, self.load.center)[:, :2])
 
     def push(self, directions: ArrayLike) -> Array:
         """Largest force that the tool can exert on the world, at the tool's origin [N].
@@ -136,7 +137,7 @@ class Envelope:
     @property
     def least_push(self) -> float:
         """Largest force at the tool that is there in every direction, exactly [N]."""
-        return self._least(self._per_force(self.load.tool))
+        return self._least(lambda rows: _per_force(rows, self.load.tool))
 
     def moment(self, directions: ArrayLike) -> Array:
         """Largest moment beside holding the weight [N m]; unit vectors, shape (..., 3)."""
@@ -148,25 +149,25 @@ class Envelope:
     @property
     def least_moment(self) -> float:
         """Largest moment that is there about every axis, exactly [N m]."""
-        return self._least(self.facets.normals[:, 3:])
+        return self._least(lambda rows: rows[:, 3:])
 
     def _at(self, directions: ArrayLike, point: Array) -> Array:
         d = np.asarray(directions, dtype=float)
         wrenches = np.concatenate([d, np.cross(point, d)], axis=-1)
         return reach(self.facets, self.hover_wrench, wrenches)[0]
 
-    def _per_force(self, point: Array) -> Array:
-        """n_f + n_tau x p: what a force at a point costs of each facet's slack, shape (m, 3)."""
-        return self.facets.normals[:, :3] + np.cross(self.facets.normals[:, 3:], point)
-
-    def _least(self, costs: Array) -> float:
+    def _least(self, costs: Callable[[Array], Array]) -> float:
+        """Least of slack over |cost|; `costs` tells what a unit of the figure takes of normals."""
+        facets = self.facets
         if not self.can_hover:
             return float("nan")
-        if self.facets.rank < 6:
+        unit = np.linalg.norm(costs(np.diag(1.0 / facets.scale)), 2)
+        if np.abs(costs(facets.equalities)).max(initial=0.0) > OUTSIDE * unit:
             return 0.0
-        size = np.linalg.norm(costs, axis=1)
-        slack = np.maximum(self.facets.slacks(self.hover_wrench), 0.0)
-        return float(np.divide(slack, size, out=np.full(len(size), np.inf), where=size > 0).min())
+        size = np.linalg.norm(costs(facets.normals), axis=1)
+        slack = np.maximum(facets.slacks(self.hover_wrench), 0.0)
+        steps = np.divide(slack, size, out=np.full(len(size), np.inf), where=size > ROUNDING * unit)
+        return float(steps.min())
 
     # Motion.
 
@@ -211,3 +212,9 @@ class Envelope:
         if self.hover_shares is None:
             return float("nan")
         return self.load.weight / float(self.rotors.max_thrusts @ self.hover_shares)
+
+
+def _per_force(rows: Array, point: Array) -> Array:
+    """n_f + n_tau x p: what a unit of force at a point takes of each normal's slack, (m, 3)."""
+    found: Array = rows[:, :3] + np.cross(rows[:, 3:], point)
+    return found

@@ -39,12 +39,12 @@ class Load:
 
     @property
     def weight(self) -> float:
-        """m g [N]."""
+        """Weight m g [N]."""
         return self.mass * self.gravity
 
     @property
     def map(self) -> Array:
-        """m g [1; skew(c)]: up vector in {A} to the wrench that holds the weight, (6, 3) [N]."""
+        """Map m g [1; skew(c)]: up vector in {A} to the wrench that holds it, (6, 3) [N]."""
         return self.weight * np.vstack([np.eye(3), pin.skew(self.center)])
 
     def wrench(self, up_A: ArrayLike = (0.0, 0.0, 1.0)) -> Array:

@@ -20,7 +20,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 KERNELS: list[Callable[..., Any]] = []
 """All kernels, in the order of definition: a kernel calls only those before it."""
 
-OPTIONS = {"nogil": True, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """No global lock, so that threads run side by side; division by zero gives infinity."""
 
 
@@ -59,9 +59,9 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(*arguments)
 
     try:
-        return numba.njit(cache=True, **OPTIONS)(entry)  # type: ignore[no-any-return]
+        return numba.njit(cache=True, **OPTIONS)(entry)
     except RuntimeError:  # no folder that numba could keep it in
-        return numba.njit(**OPTIONS)(entry)  # type: ignore[no-any-return]
+        return numba.njit(**OPTIONS)(entry)
 
 
 @functools.cache

@@ -42,7 +42,9 @@ def _leaves(facets: Facets, offsets: Array, wrenches: Array) -> NDArray[np.bool_
     return found
 
 
-def reach(facets: Facets, start: ArrayLike, directions: ArrayLike) -> tuple[Array, NDArray[np.intp]]:
+def reach(
+    facets: Facets, start: ArrayLike, directions: ArrayLike
+) -> tuple[Array, NDArray[np.intp]]:
     """Largest t with start + t direction within reach, for each direction.
 
     t = min over facets of (s - sign(n . d) n . (w - c)) / |n . d|.
@@ -88,7 +90,9 @@ def multiples(facets: Facets, wrench: ArrayLike) -> tuple[float, float] | None:
     still = np.abs(climb) <= ROUNDING * size
     if np.any(np.abs(middle[still]) > facets.half_widths[still] + ROUNDING):
         return None
-    ends = np.sort((middle + np.outer([-1.0, 1.0], facets.half_widths))[:, ~still] / climb[~still], 0)
+    ends = np.sort(
+        (middle + np.outer([-1.0, 1.0], facets.half_widths))[:, ~still] / climb[~still], 0
+    )
     if ends.size == 0:
         return 0.0, 0.0
     low, high = float(ends[0].max()), float(ends[1].min())

@@ -177,7 +177,7 @@ def _peaks(q: Array, d: Array) -> Array:
     solid = square > (ROUNDING * np.linalg.norm(q[i], axis=1) * np.linalg.norm(q[j], axis=1)) ** 2
     i, j, line, square = i[solid], j[solid], line[solid], square[solid, None]
     # u = the point of both planes nearest to 0, plus or minus a step along their common line.
-    base = np.cross(d[i, None] * q[j] - d[j, None] * q[i], line) / -square
+    base = np.cross(d[i, None] * q[j] - d[j, None] * q[i], line) / square
     step = np.sqrt(np.maximum(1.0 - np.sum(base * base, axis=1, keepdims=True), 0.0) / square)
     points = np.vstack([base + step * line, base - step * line])
     meet = np.arctan2(points[:, 1], points[:, 0])
@@ -205,9 +205,8 @@ def tilt_intervals(bounds: AttitudeBounds, azimuth: float) -> list[tuple[float, 
     for start, end in zip(starts[order], ends[order], strict=True):
         if end <= 0.0 or start >= np.pi:
             continue
-        if start >= low - ROUNDING:
-            if start > low or (low == 0.0 and bounds.level):
-                allowed.append((low, max(float(start), low)))
+        if start >= low - ROUNDING and (start > low or (low == 0.0 and bounds.level)):
+            allowed.append((low, max(float(start), low)))
         low = max(low, float(end))
     if low <= np.pi:
         allowed.append((low, float(np.pi)))

@@ -30,7 +30,7 @@ EXACT = 1e-9
 """A rank tolerance far below what a linear program resolves: weak axes count as axes here."""
 
 FORCE_TOLERANCE = 1e-7
-"""Of the weight; HiGHS itself satisfies its equations to 1e-7 of the scaled problem, mostly 1e-10."""
+"""Of the weight; HiGHS is asked for 1e-10 of the full scale."""
 
 TILT_TOLERANCE = 1e-6
 """Between the facets' exit and the linear program's [rad]."""
