@@ -43,7 +43,7 @@ class Capability:
         can_hover: Whether the rotors deliver it.
         hover_speeds: Rotor speeds for it, shape (n,) [rad/s]; NaN if they cannot.
         hover_shares: The same as shares of the largest speeds, shape (n,); 0 for failed rotors.
-        hover_efficiency: Weight over the sum of the thrusts that hold it.
+        hover_efficiency: Weight over the least sum of thrusts that hold it.
         tilt_directions: Azimuth of the body's up vector seen from {A}, shape (m,) [rad].
         hover_tilts: First exit from level per direction, shape (m,) [rad]; NaN without hover.
         worst_hover_tilt: The tilt that it can hold in every direction [rad], exactly; None if it

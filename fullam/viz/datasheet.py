@@ -27,7 +27,7 @@ NONE = "–"
 
 FIGURES = (
     "tilt worst [deg]", "tilt best [deg]", "thrust / weight", "level force [N]", "push [N]",
-    "moment [N m]", "margin [N]", "payload [kg]",
+    "moment [N&nbsp;m]", "margin [N]", "payload [kg]",
 )  # fmt: skip
 """Heads of the columns that `_figures` fills."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fullam.analysis.atlas.facets import Facets, facets_of
-from fullam.analysis.atlas.hover import least_effort
+from fullam.analysis.atlas.hover import least_effort, least_total_thrust
 from fullam.analysis.atlas.loads import Load, load_of
 from fullam.analysis.atlas.rays import OUTSIDE, ROUNDING, Margin, margin, multiples, reach
 from fullam.analysis.atlas.tilt import (
@@ -206,12 +206,14 @@ class Envelope:
         """Squared speeds over the largest that hold it level with the least |u|, shape (n,)."""
         return least_effort(self.facets, self.hover_wrench) if self.can_hover else None
 
-    @property
+    @cached_property
     def hover_efficiency(self) -> float:
-        """Weight over the sum of the thrusts that hold it level (`hover_shares`); NaN without."""
-        if self.hover_shares is None:
-            return float("nan")
-        return self.load.weight / float(self.rotors.max_thrusts @ self.hover_shares)
+        """Weight over the least sum of thrusts that holds it level; NaN if it cannot hover.
+
+        An upper bound: speeds of least effort (`hover_shares`) may take more thrust in all.
+        """
+        least = least_total_thrust(self.facets, self.rotors.max_thrusts, self.hover_wrench)
+        return float("nan") if least is None else self.load.weight / least
 
 
 def _per_force(rows: Array, point: Array) -> Array:

@@ -97,11 +97,22 @@ def facets_of(rotors: Rotors, rank_tolerance: float = RANK_TOLERANCE) -> Facets:
         raise VehicleError(
             rotors.where, "rotors", f"are {rotors.count}", f"facets take up to {MOST_ROTORS}"
         )
-    matrix, least, scale = rotors.normalized_coupling, rotors.least_shares, full_scale(rotors)
+    return facets_of_columns(
+        rotors.normalized_coupling, rotors.least_shares, full_scale(rotors), rank_tolerance
+    )
+
+
+def facets_of_columns(
+    matrix: Array, least: Array, scale: Array, rank_tolerance: float = RANK_TOLERANCE
+) -> Facets:
+    """As `facets_of`, from the coupling matrix B (6, n), the least shares (n,) and the scale (6,).
+
+    A column of zeros is a failed rotor.
+    """
     generators = np.ascontiguousarray((matrix * (1.0 - least) / scale[:, None]).T)
     vectors, forced = with_complement(generators, rank_tolerance)
     rows, halves, masks = _list_faces(vectors, forced)
-    members = (masks[:, None] >> np.arange(rotors.count)) & 1 > 0
+    members = (masks[:, None] >> np.arange(matrix.shape[1])) & 1 > 0
     facets = Facets(
         normals=rows / scale,
         half_widths=halves,
