@@ -11,7 +11,7 @@ import workloads
 from meter import RE_OF_FLOORS, Row
 from workloads import compiled_replay, compiled_tick, replay
 
-from fullam.control.controller import controller_names
+from fullam.control.controllers import controller_names
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 

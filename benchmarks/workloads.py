@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fullam.control.allocation import Allocator
-from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import make_controller
 from fullam.control.tick import ControlTick
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle

@@ -8,17 +8,12 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
     print(fullam.measure(run))
 """
 
-import fullam.control.backstepping
-import fullam.control.computed_wrench
-import fullam.control.dc_pid
-import fullam.control.dc_pid_plus
-import fullam.control.kalman
-import fullam.control.pid
-import fullam.simulation.catalogue  # noqa: F401 - registers the controllers and the scenarios
+import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
 from fullam.analysis.metrics import Metrics, measure
 from fullam.control.allocation import Allocation, Allocator
-from fullam.control.controller import Controller, controller_names, make_controller, register
-from fullam.control.estimator import estimator_names
+from fullam.control.controller import Controller
+from fullam.control.controllers import controller_names, make_controller, register
+from fullam.control.estimators import estimator_names
 from fullam.exceptions import FullamError
 from fullam.model.design import VehicleDesign, design_vehicle
 from fullam.model.loading import load_vehicle, vehicle_names

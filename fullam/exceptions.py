@@ -27,6 +27,10 @@ def _rebuild(cls: type[FullamError], args: tuple[Any, ...]) -> FullamError:
     return cls.__new__(cls, *args)
 
 
+class FullamWarning(UserWarning):
+    """What works, but not as its caller may believe."""
+
+
 class UnknownName(FullamError):
     """A name that is not registered; the message lists the known ones.
 

@@ -13,7 +13,7 @@ from fullam import cli
 from fullam.analysis.metrics import measure
 from fullam.cli import output
 from fullam.cli.options import setting
-from fullam.control.controller import controller_names
+from fullam.control.controllers import controller_names
 from fullam.model.loading import vehicle_names
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import scenario_names

@@ -127,7 +127,7 @@ def recursion_and_matrix(chain: LinkChain, states: States) -> tuple[Answers, Ans
     )
     full = link_acceleration(chain, motion, states.ddtheta, ddp_dw[:, 3:], ddp_dw[:, :3])
     f, tau = newton_euler.joint_wrenches(chain, motion, full, states.tool_wrench)
-    u_dc = matrix_system.compensation(chain, motion, f[:, 0], tau[:, 0])
+    u_dc = matrix_system.compensation(chain, motion, f[:, 0], tau[:, 0], states.tool_wrench)
     recursion = Answers(ddp_dw, f[:, :-1], tau[:, :-1], u_dc, np.empty(0))
 
     system = matrix_system.MatrixSystem(chain, (len(states.q),))
@@ -136,7 +136,7 @@ def recursion_and_matrix(chain: LinkChain, states: States) -> tuple[Answers, Ans
     f_1, tau_1 = (
         (solution.f[:, 0], solution.tau[:, 0]) if chain.n else np.split(states.tool_wrench, 2, 1)
     )
-    u_dc = matrix_system.compensation(chain, motion, f_1, tau_1)
+    u_dc = matrix_system.compensation(chain, motion, f_1, tau_1, states.tool_wrench)
     matrix = Answers(
         solution.acceleration_W, solution.f, solution.tau, u_dc, system.condition_number()
     )

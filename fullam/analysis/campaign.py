@@ -7,10 +7,9 @@ allocation finds no answer, is a row. The result is the same file whatever flew 
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.util
 import itertools
-import json
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,12 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import fullam
-from fullam.analysis.cluster import open_workers
+from fullam.analysis import provenance
+from fullam.analysis.cluster import Scheduler, ThisProcess, open_workers
+from fullam.analysis.contender import Contender
 from fullam.analysis.metrics import measure
+from fullam.analysis.provenance import cached_vehicle
 from fullam.analysis.response import coordinates
-from fullam.control.controller import make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.controllers import controller_class, register
+from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import (
     AllocationFailed,
     CampaignError,
@@ -32,7 +33,6 @@ from fullam.exceptions import (
     UnknownName,
     VehicleError,
 )
-from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.progress import Progress
 from fullam.simulation.scenario import Scenario, load_scenario
@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
 
+SLICE = 0.25
+"""After this long a worker hands over what it has flown [s]: a kill costs no more than that."""
+
 BATCH = {"reference": 8, "compiled": 64}
 """Flights in a task: about a second of work against 3 ms of scheduling and 10 ms of preparation."""
 
@@ -57,51 +60,6 @@ FASTEST = "fastest"
 
 FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
 """What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A controller as it takes part: its settings, its estimator, the name of its rows.
-
-    Attributes:
-        controller: Name of a registered controller.
-        settings: Settings that differ from its defaults, or "tuned" for the committed ones.
-        estimator: Name of an estimator; None takes the campaign's.
-        label: Name of its rows; made from the others if empty.
-    """
-
-    controller: str
-    settings: dict[str, Any] | str = field(default_factory=dict)
-    estimator: str | None = None
-    label: str = ""
-
-    def __post_init__(self) -> None:
-        """Resolve the settings and check the names."""
-        settings, suffix = self.settings, ""
-        if settings == "tuned":
-            from fullam.analysis.tuning import tuned_settings
-
-            settings, suffix = tuned_settings(self.controller, self.estimator), ", tuned"
-        if not isinstance(settings, dict):
-            raise CampaignError(
-                f"contender '{self.controller}'",
-                "settings",
-                f"is {settings!r}",
-                "give 'tuned' or a mapping",
-            )
-        complete = make_settings(self.controller, settings).to_dict()
-        object.__setattr__(self, "settings", complete)
-        if self.estimator is not None:
-            estimator_class(self.estimator)
-        if not self.label:
-            at = f"@{self.estimator}" if self.estimator else ""
-            object.__setattr__(self, "label", f"{self.controller}{at}{suffix}")
-
-    @classmethod
-    def parse(cls, text: str, tuned: bool = False) -> Contender:
-        """From "CONTROLLER" or "CONTROLLER@ESTIMATOR"."""
-        controller, _, estimator = text.strip().partition("@")
-        return cls(controller, "tuned" if tuned else {}, estimator or None)
 
 
 @dataclass(frozen=True)
@@ -164,6 +122,11 @@ class Campaign:
                 )
         if self.engine not in (*ENGINES, FASTEST):
             raise UnknownName("engine", self.engine, (*ENGINES, FASTEST))
+        # What a name stands for is fixed here, and travels to the workers: a file that is edited,
+        # or is another one elsewhere, cannot mix two vehicles in one table.
+        vehicles = {s.vehicle: cached_vehicle(s.vehicle) for s in scenarios}
+        object.__setattr__(self, "_vehicles", vehicles)
+        object.__setattr__(self, "_classes", self._registered())
         plans = {c.label: [self.plan(s, c) for s in scenarios] for c in contenders}
         engines = {
             label: self.engine if self.engine != FASTEST else fastest_engine(those)
@@ -185,12 +148,31 @@ class Campaign:
         return prepare(
             scenario,
             contender.controller,
-            vehicle=cached_vehicle(scenario.vehicle),
+            vehicle=self._vehicles[scenario.vehicle],  # type: ignore[attr-defined]
             seed=self.seeds[0],
             weather=self.weather,
             settings=contender.settings,
             simulation=simulation,
         )
+
+    def _registered(self) -> dict[str, type]:
+        """Classes that fly here and are not fullam's own: "controller NAME" or "estimator NAME"."""
+        found: dict[str, type] = {}
+        for contender in self.contenders:
+            estimator = contender.estimator or self.simulation.estimator
+            found[f"controller {contender.controller}"] = controller_class(contender.controller)
+            found[f"estimator {estimator}"] = estimator_class(estimator)
+        return {name: cls for name, cls in found.items() if not provenance.is_ours(cls)}
+
+    def conditions(self) -> dict[str, Any]:
+        """Digests and versions of what flies, as this process has it; JSON values."""
+        vehicles: dict[str, Vehicle] = self._vehicles  # type: ignore[attr-defined]
+        return {
+            "vehicles": {n: provenance.vehicle_digest(v) for n, v in vehicles.items()},
+            "registered": {n: provenance.class_digest(c) for n, c in self._registered().items()},
+            "versions": provenance.versions(),
+            "code": provenance.code_digest(),
+        }
 
     @property
     def keys(self) -> list[Key]:
@@ -218,24 +200,18 @@ class Campaign:
                 }
                 for c in self.contenders
             ],
-            "vehicles": {
-                s.vehicle: _fingerprint(cached_vehicle(s.vehicle)) for s in self.scenarios
-            },
             "weather": None if self.weather is None else self.weather.to_dict(),
             "simulation": self.simulation.to_dict(),
             "engines": self.engines,
             "traces": TRACE_PERIOD if self.traces else None,
-            "version": fullam.__version__,
-            "code": code_digest(),
-        }
+        } | self.conditions()
 
-    def fly(self, keys: list[Key]) -> list[dict[str, Any]]:
-        """Fly some cells and return their rows; neighbours that differ in seed alone share a plan.
+    def fly(self, keys: list[Key]) -> Iterator[dict[str, Any]]:
+        """Fly some cells, one row after the other; neighbours of one plan share it.
 
         Raises:
             MissingDependency: The engine's package is not installed.
         """
-        rows = []
         for (name, label), group in itertools.groupby(keys, key=lambda key: key[:2]):
             scenario = next(s for s in self.scenarios if s.name == name)
             contender = next(c for c in self.contenders if c.label == label)
@@ -249,8 +225,7 @@ class Campaign:
                     "estimator": plan.simulation.estimator,
                     "seed": seed,
                 }
-                rows.append(row | self._figures(fly, seed, plan.nominal))
-        return rows
+                yield row | self._figures(fly, seed, plan.nominal)
 
     def _figures(self, fly: Callable[[int], Run], seed: int, vehicle: Vehicle) -> dict[str, Any]:
         """What a flight gives to its row."""
@@ -284,17 +259,49 @@ def fastest_engine(plans: Iterable[FlightPlan]) -> str:
     return "compiled"
 
 
-def fly_batch(campaign: Campaign, keys: list[Key], code: str) -> list[dict[str, Any]]:
-    """Fly some cells; this is what a worker is sent.
+def fly_slice(
+    campaign: Campaign, conditions: dict[str, Any], keys: list[Key]
+) -> list[dict[str, Any]]:
+    """Rows of the first cells, as many as fit into `SLICE`; this is what a worker is sent.
+
+    Args:
+        campaign: What is flown.
+        conditions: `Campaign.conditions` of the process that wants the rows.
+        keys: The cells; at least the first is flown.
 
     Raises:
-        CampaignError: The worker runs other code than the campaign was prepared with.
+        CampaignError: What would fly here is not what would fly there.
     """
-    if code != code_digest():
+    for name, cls in campaign._classes.items():  # type: ignore[attr-defined]
+        kind, _, called = name.partition(" ")
+        (register if kind == "controller" else register_estimator)(called)(cls)
+    here = campaign.conditions()
+    differing = sorted(k for k in conditions if conditions[k] != here[k])
+    if differing:
         raise CampaignError(
-            "worker", "code", "differs from the campaign's", "install one version everywhere"
+            "worker",
+            ", ".join(differing),
+            f"differ from the campaign's ({_contrast(conditions, here, differing)})",
+            "install one version of everything everywhere",
         )
-    return campaign.fly(keys)
+    rows, end = [], time.monotonic() + SLICE
+    for row in campaign.fly(keys):
+        rows.append(row)
+        if time.monotonic() >= end:
+            break
+    return rows
+
+
+def _contrast(there: dict[str, Any], here: dict[str, Any], names: list[str]) -> str:
+    """The differing entries, "pin 4.0.0 here, 4.1.0 there"."""
+    texts = []
+    for name in names:
+        one, other = here[name], there[name]
+        pairs = {name: (one, other)}
+        if isinstance(one, dict) and isinstance(other, dict):
+            pairs = {k: (one.get(k), other.get(k)) for k in sorted({*one, *other})}
+        texts += [f"{k} {a} here, {b} there" for k, (a, b) in pairs.items() if a != b]
+    return "; ".join(texts)
 
 
 def sweep(
@@ -302,20 +309,21 @@ def sweep(
     out: str | Path,
     *,
     jobs: int = 1,
-    scheduler: str | None = None,
+    scheduler: Scheduler | str | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> CampaignTable:
     """Fly a campaign and write its rows to one Parquet file.
 
     Rows that `out`, or an attempt that was stopped, already holds are not flown again; so the same
-    call continues after an interruption, and more seeds extend a finished file.
+    call continues after an interruption, and more seeds extend a finished file. A kill loses the
+    flights in the air and those of the last half second. `out` is locked while this runs.
 
     Args:
         campaign: What is flown.
         out: The result; must end in .parquet.
-        jobs: Worker processes. 1 flies in this process and needs no cluster.
-        scheduler: Address of a running dask scheduler, instead of a local cluster.
+        jobs: Worker processes. 1 flies in this process.
+        scheduler: A running dask scheduler, or its address, instead.
         overwrite: Forget what `out` holds instead of continuing it.
         progress: Told how many rows are kept.
 
@@ -323,66 +331,43 @@ def sweep(
         The rows asked for, in canonical order.
 
     Raises:
-        CampaignError: `out` holds another campaign; jobs below 1; a worker runs other code, or
-            keeps dying.
-        MissingDependency: pyarrow, or for more than one job distributed, is not installed.
+        CampaignError: `out` holds another campaign, or is being written by another process; jobs
+            below 1; on a worker something else would fly; a worker keeps dying.
+        MissingDependency: pyarrow, or what the workers need, is not installed.
     """
-    from fullam.analysis.campaign_store import CampaignStore
+    from fullam.analysis.campaign_store import open_store
 
-    store = CampaignStore(out, campaign.identity(), overwrite)
-    order = campaign.keys
-    kept = store.keys
-    pending = [key for key in order if key not in kept]
-    done = len(order) - len(pending)
-    if progress is not None:
-        progress(done, len(order))
-    for rows in _flown(campaign, pending, jobs, scheduler):
-        store.append(rows)
-        done += len(rows)
+    identity, order = campaign.identity(), campaign.keys
+    with open_store(out, identity, overwrite) as store:
+        kept = store.keys
+        pending = [key for key in order if key not in kept]
+        done = len(order) - len(pending)
         if progress is not None:
             progress(done, len(order))
-    return store.finish(order)
+        for rows in _flown(campaign, pending, jobs, scheduler):
+            store.append(rows)
+            done += len(rows)
+            if progress is not None:
+                progress(done, len(order))
+        return store.finish(order)
 
 
 def _flown(
-    campaign: Campaign, pending: list[Key], jobs: int, scheduler: str | None
+    campaign: Campaign, pending: list[Key], jobs: int, scheduler: Scheduler | str | None
 ) -> Iterator[list[dict[str, Any]]]:
-    """Rows of finished batches, in the order in which they finish."""
+    """Rows, a few at a time, in the order in which their flights end."""
     batches = []
     for (_, label), group in itertools.groupby(pending, key=lambda key: key[:2]):
         cells, size = list(group), BATCH[campaign.engines[label]]
         batches += [cells[i : i + size] for i in range(0, len(cells), size)]
     if not batches:
         return
-    fly = functools.partial(fly_batch, campaign, code=code_digest())
     with open_workers(jobs, scheduler) as workers:
-        for _, rows in workers.map_unordered(fly, batches):
+        if isinstance(workers, ThisProcess):  # nothing travels, so every row comes by itself
+            yield from ([row] for cells in batches for row in campaign.fly(cells))
+            return
+        fly = functools.partial(fly_slice, campaign, campaign.conditions())
+        for _, rows in workers.map_unordered(
+            fly, batches, lambda cells, flown: cells[len(flown) :] or None
+        ):
             yield rows
-
-
-@functools.lru_cache(maxsize=8)
-def cached_vehicle(name: str) -> Vehicle:
-    """The vehicle of that name, loaded once a process."""
-    return load_vehicle(name)
-
-
-def _fingerprint(vehicle: Vehicle) -> str:
-    """Digest of a vehicle's data: the same name may be another vehicle tomorrow."""
-    data = json.dumps(vehicle.to_data(), sort_keys=True, default=str)
-    return hashlib.sha256(data.encode()).hexdigest()[:16]
-
-
-def _sources() -> Iterable[Path]:
-    root = Path(fullam.__file__).parent
-    for room in ("model", "dynamics", "control", "simulation"):
-        yield from sorted((root / room).rglob("*.py"))
-    yield from (root / "analysis" / f"{name}.py" for name in ("metrics", "response"))
-
-
-@functools.cache
-def code_digest() -> str:
-    """Digest of the sources that decide what a row says, so that stale rows are never reused."""
-    digest = hashlib.sha256()
-    for source in _sources():
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]

@@ -1,27 +1,34 @@
 """Where a campaign's rows are kept: part files while it flies, one Parquet file in the end.
 
-A Parquet file cannot be appended to. So every finished batch becomes a small Parquet file of its
-own in the folder `NAME.parts` beside the result, moved there whole; a campaign that is interrupted
-or killed loses the batches in the air and nothing else. When every row is there, all of them are
+A Parquet file cannot be appended to. So what has been flown becomes, twice a second, a small
+Parquet file of its own in the folder `NAME.parts` beside the result, moved there whole and synced
+to the disk; a campaign that is interrupted or killed loses the flights in the air and nothing older
+than that. When there are many parts, they become one. When every row is there, all of them are
 written to `NAME` in canonical order in one move, and the parts are removed. The bytes of the result
 depend on the campaign alone: not on how many jobs flew it, nor on how often it was stopped.
+
+Pages carry checksums, which are verified on reading; what is read must have all columns of
+`SCHEMA`, in their types, and a stamp that says what was flown. One process writes at a time.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.analysis.journal import canonical_json
 from fullam.analysis.metrics import AxisMetrics, Metrics
+from fullam.analysis.provenance import short_digest
 from fullam.exceptions import CampaignError, MissingDependency
-from fullam.files import atomic_path
+from fullam.files import atomic_path, locked
 from fullam.simulation.scenario import AXES
 
 try:
@@ -34,9 +41,15 @@ Array = NDArray[np.float64]
 Key = tuple[str, str, int]
 """(scenario, contender, seed): what names a row."""
 
-FORMAT = "fullam-campaign-1"
+FORMAT = "fullam-campaign-2"
 METADATA = b"fullam"
 ROW_GROUP = 4096
+
+FLUSH = 0.5
+"""Rows older than this are in a part file [s]."""
+
+MOST_PARTS = 64
+"""As many small parts become one: a long campaign shall not leave a hundred thousand files."""
 
 _TEXTS = ("scenario", "contender", "controller", "estimator", "outcome", "reason")
 _FLAGS = ("settled", "diverged")
@@ -69,14 +82,9 @@ def flatten(metrics: Metrics) -> dict[str, Any]:
     return row
 
 
-def canonical_json(value: Any) -> str:
-    """JSON with sorted keys: equal data give equal text."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
-
-
 def fingerprint(value: Any) -> str:
     """Short digest of JSON-able data."""
-    return hashlib.sha256(canonical_json(value).encode()).hexdigest()[:16]
+    return short_digest(canonical_json(value).encode())
 
 
 class CampaignTable:
@@ -142,20 +150,80 @@ def read_campaign(path: str | Path) -> CampaignTable:
     """Read a result file.
 
     Raises:
-        CampaignError: It is missing, unreadable, or no result of this format.
+        CampaignError: It is missing, unreadable, damaged, or no result of this format.
     """
     where = str(path)
     if not Path(path).is_file():
         raise CampaignError(where, "file", "does not exist", "give the path of a sweep's result")
     try:
-        table = pq.read_table(path)
-    except (pa.ArrowInvalid, OSError) as error:
-        raise CampaignError(where, "file", f"cannot be read ({error})", "sweep again") from error
-    stamp = (table.schema.metadata or {}).get(METADATA)
-    identity = json.loads(stamp) if stamp else {}
-    if identity.get("format") != FORMAT:
-        raise CampaignError(where, "format", "is none of a campaign", f"this reads '{FORMAT}'")
-    return CampaignTable(table, identity)
+        # Nothing is read before the footer has said that it is what is wanted.
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            identity = _identity(file.schema_arrow, where)
+            table = file.read()
+    except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError) as error:
+        raise CampaignError(
+            where, "file", f"cannot be read ({error})", "remove it and sweep again"
+        ) from error
+    # Parquet comes back with details of its own (names of inner fields): one schema for all.
+    table = table.cast(SCHEMA)
+    for name in ("scenario", "contender", "seed", "outcome"):
+        if table.column(name).null_count:
+            raise CampaignError(where, name, "is empty in some rows", "remove it and sweep again")
+    return CampaignTable(table.replace_schema_metadata({METADATA: _stamp(identity)}), identity)
+
+
+def _identity(schema: pa.Schema, where: str) -> dict[str, Any]:
+    """What a file's stamp says, once its columns are those of `SCHEMA`."""
+    stamp = (schema.metadata or {}).get(METADATA)
+    try:
+        identity = json.loads(stamp) if stamp else {}
+    except (ValueError, RecursionError) as error:
+        raise CampaignError(where, "stamp", f"is no JSON ({error})", "sweep again") from error
+    found = identity.get("format") if isinstance(identity, dict) else None
+    if found != FORMAT:
+        raise CampaignError(
+            where, "format", f"is {str(found)[:40]!r}, none of a campaign", f"this reads '{FORMAT}'"
+        )
+    types = {field.name: field.type for field in schema}
+    missing = [name for name in SCHEMA.names if name not in types]
+    strange = [name for name in types if name not in SCHEMA.names]
+    wrong = [f.name for f in SCHEMA if f.name in types and not _same(types[f.name], f.type)]
+    for names, problem in ((missing, "missing"), (strange, "not known"), (wrong, "of other types")):
+        if names:
+            raise CampaignError(
+                where, "columns", f"{', '.join(names[:5])}: {problem}", "sweep again"
+            )
+    if len(schema.names) != len(SCHEMA.names):
+        raise CampaignError(where, "columns", "some are there twice", "sweep again")
+    return dict(identity)
+
+
+def _same(found: pa.DataType, wanted: pa.DataType) -> bool:
+    if pa.types.is_list(wanted):
+        return bool(pa.types.is_list(found) and found.value_type == wanted.value_type)
+    return bool(found == wanted)
+
+
+def _stamp(identity: Mapping[str, Any]) -> bytes:
+    return canonical_json(identity).encode()
+
+
+@contextmanager
+def open_store(
+    path: str | Path, identity: Mapping[str, Any], overwrite: bool
+) -> Iterator[CampaignStore]:
+    """The store of a campaign, locked; rows not yet in a file are written when the block ends.
+
+    Raises:
+        CampaignError: Another process writes there, or as in `CampaignStore`.
+    """
+    CampaignStore.check_name(path)
+    with locked(path):
+        store = CampaignStore(path, identity, overwrite)
+        try:
+            yield store
+        finally:
+            store.flush()
 
 
 class CampaignStore:
@@ -172,21 +240,32 @@ class CampaignStore:
         Raises:
             CampaignError: Result or parts belong to another campaign and `overwrite` is False.
         """
+        self.check_name(path)
         self.path = Path(path)
-        if self.path.suffix != ".parquet":
-            raise CampaignError(
-                str(path), "name", "does not end in .parquet", "give it that suffix"
-            )
         self.parts = self.path.with_name(self.path.name + ".parts")
         self._identity = json.loads(canonical_json(identity))
-        self._stamp = {METADATA: canonical_json(self._identity).encode()}
+        self._stamp = {METADATA: _stamp(self._identity)}
         self._tables: list[pa.Table] = []
+        self._buffer: list[dict[str, Any]] = []
+        self._since = self._last = 0.0
         if overwrite:
             self.discard()
         self._recall(self.path)
         # A kill can leave a hidden temporary behind, whole or not: its batch is flown again.
         for part in sorted(self.parts.glob("[!.]*.parquet")):
             self._recall(part)
+
+    @staticmethod
+    def check_name(path: str | Path) -> None:
+        """Refuse a name that is none of a Parquet file.
+
+        Raises:
+            CampaignError: It does not end in .parquet.
+        """
+        if Path(path).suffix != ".parquet":
+            raise CampaignError(
+                str(path), "name", "does not end in .parquet", "give it that suffix"
+            )
 
     def _recall(self, path: Path) -> None:
         if not path.exists():
@@ -204,8 +283,7 @@ class CampaignStore:
                 f"were flown under other conditions ({', '.join(differs)} differ)",
                 "name another file, or overwrite it",
             )
-        # Parquet comes back with details of its own (names of inner fields): one schema for all.
-        self._tables.append(held.rows.cast(SCHEMA))
+        self._tables.append(held.rows.replace_schema_metadata(None))
 
     @property
     def keys(self) -> set[Key]:
@@ -217,13 +295,38 @@ class CampaignStore:
         return found
 
     def append(self, rows: list[dict[str, Any]]) -> None:
-        """Keep the rows of one batch, whole or not at all."""
-        table = pa.Table.from_pylist(rows, SCHEMA).replace_schema_metadata(self._stamp)
-        first = rows[0]
-        name = fingerprint([first["scenario"], first["contender"], first["seed"], len(rows)])
-        with atomic_path(self.parts / f"{name}.parquet") as temporary:
-            pq.write_table(table, temporary)
-        self._tables.append(table.cast(SCHEMA))
+        """Keep the rows of some flights: at once, or with others before they are `FLUSH` old."""
+        now = time.monotonic()
+        if not self._buffer:
+            self._since = self._last = now
+        self._buffer += rows
+        # If the next rows take as long as these did, will the oldest be too old then?
+        if now + (now - self._last) - self._since >= FLUSH:
+            self.flush()
+        self._last = now
+
+    def flush(self) -> None:
+        """Write what is not yet in a file, whole or not at all."""
+        if not self._buffer:
+            return
+        rows, self._buffer = self._buffer, []
+        table = pa.Table.from_pylist(rows, SCHEMA)
+        self._tables.append(table)
+        self._write_part(table, "part")
+        small = sorted(self.parts.glob("part-*.parquet"))
+        if len(small) >= MOST_PARTS:
+            tables = [read_campaign(part).rows.replace_schema_metadata(None) for part in small]
+            self._write_part(pa.concat_tables(tables).combine_chunks(), "many")
+            for part in small:  # a kill before this leaves rows twice, which costs nothing
+                part.unlink()
+
+    def _write_part(self, table: pa.Table, kind: str) -> None:
+        names = (table.column(n).to_pylist() for n in ("scenario", "contender", "seed"))
+        name = fingerprint([list(key) for key in zip(*names, strict=True)])
+        with atomic_path(self.parts / f"{kind}-{name}.parquet") as temporary:
+            pq.write_table(
+                table.replace_schema_metadata(self._stamp), temporary, write_page_checksum=True
+            )
 
     def finish(self, order: Iterable[Key]) -> CampaignTable:
         """Write the result in canonical order and drop the parts.
@@ -234,6 +337,7 @@ class CampaignStore:
         Raises:
             CampaignError: A row is missing.
         """
+        self.flush()
         table = pa.concat_tables(self._tables) if self._tables else SCHEMA.empty_table()
         columns = (table.column(n).to_pylist() for n in ("scenario", "contender", "seed"))
         at = {key: i for i, key in enumerate(zip(*columns, strict=True))}
@@ -248,7 +352,13 @@ class CampaignStore:
         table = table.take([at[key] for key in wanted + rest]).combine_chunks()
         table = table.replace_schema_metadata(self._stamp)
         with atomic_path(self.path) as temporary:
-            pq.write_table(table, temporary, row_group_size=ROW_GROUP, compression="zstd")
+            pq.write_table(
+                table,
+                temporary,
+                row_group_size=ROW_GROUP,
+                compression="zstd",
+                write_page_checksum=True,
+            )
         shutil.rmtree(self.parts, ignore_errors=True)
         return CampaignTable(table.slice(0, len(wanted)), self._identity)
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fullam.analysis.atlas.envelope import Envelope
 from fullam.analysis.atlas.failures import Atlas
 from fullam.analysis.atlas.rays import multiples
+from fullam.model.joints import ArmJoints
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import AXES, RANK_TOLERANCE, controllable_axes, full_scale
 
@@ -30,7 +31,8 @@ class Capability:
         vehicle: Name.
         n_rotors: Number of rotors.
         mass: Mass of the whole vehicle [kg].
-        arm: Arm pose theta, shape (n_arm,) [rad].
+        arm: Arm pose theta, shape (n_arm,) [rad or m].
+        joints: The arm's joints.
         singular_values: Of B W^-1, shape (6,): B maps u = Omega^2 / Omega_max^2 to the wrench
             about the origin of {A}, W is `full_scale`: 1 is all rotors pulling one way.
         rank: Number of wrench axes the rotors produce independently.
@@ -64,6 +66,7 @@ class Capability:
     n_rotors: int
     mass: float
     arm: Array
+    joints: ArmJoints
     singular_values: Array
     rank: int
     condition_number: float
@@ -95,7 +98,7 @@ class Capability:
         rows: list[Row] = [
             ("mass", f"{self.mass:.3f}", "kg"),
             ("rotors", str(self.n_rotors), ""),
-            ("arm pose", " ".join(f"{angle:.1f}" for angle in np.rad2deg(self.arm)), "deg"),
+            self._arm_row(),
             ("rank of the coupling matrix", f"{self.rank} of 6", ""),
             ("fully actuated", "yes" if self.rank == 6 else "no", ""),
             ("singular values", values, "full scale"),
@@ -130,13 +133,23 @@ class Capability:
         rows.append(("hovers with one rotor stopped", f"{len(held)} of {self.n_rotors}", ""))
         return rows
 
+    def _arm_row(self) -> Row:
+        typed, units = self.joints.to_typed(self.arm), self.joints.units
+        if "m" not in units:
+            return ("arm pose", " ".join(f"{value:.1f}" for value in typed), "deg")
+        values = [
+            f"{x:.3f} m" if u == "m" else f"{x:.1f} deg" for x, u in zip(typed, units, strict=True)
+        ]
+        return ("arm pose", ", ".join(values), "")
+
     def to_dict(self) -> dict[str, object]:
         """Every figure under its name and unit, for machines."""
         return {
             "vehicle": self.vehicle,
             "rotors": self.n_rotors,
             "mass_kg": self.mass,
-            "arm_deg": np.rad2deg(self.arm).tolist(),
+            "arm": self.joints.to_typed(self.arm).tolist(),
+            "arm_units": list(self.joints.units),
             "rank": self.rank,
             "singular_values": self.singular_values.tolist(),
             "condition_number": self.condition_number,
@@ -167,7 +180,7 @@ def gravity_wrench(vehicle: Vehicle, theta: ArrayLike | None = None) -> tuple[Ar
 
     Args:
         vehicle: The vehicle.
-        theta: Arm pose, shape (n_arm,) [rad]; 0 by default.
+        theta: Arm pose, shape (n_arm,) [rad or m]; at rest by default.
 
     Returns:
         wrench_A about the origin of {A}, shape (6,) [N, N m], and the centre of mass of the whole
@@ -183,7 +196,7 @@ def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
 
     Args:
         vehicle: The vehicle.
-        theta: Arm pose, shape (n_arm,) [rad]; 0 by default.
+        theta: Arm pose, shape (n_arm,) [rad or m]; at rest by default.
 
     Raises:
         VehicleError: If `theta` has not one entry per arm joint, or without gravity.
@@ -207,6 +220,7 @@ def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
         n_rotors=rotors.count,
         mass=vehicle.mass,
         arm=_frozen(vehicle.neutral(theta)[7:]),
+        joints=vehicle.joints,
         singular_values=_frozen(values),
         rank=int(solid.size),
         condition_number=float(solid[0] / solid[-1]) if solid.size else float("inf"),

@@ -1,112 +1,257 @@
-"""Work spread over processes by dask.distributed, which survives the loss of a worker."""
+"""Where work is done: this process, worker processes of this machine, or a dask scheduler."""
 
 from __future__ import annotations
 
-import logging
+import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from fullam.exceptions import CampaignError, MissingDependency
+from fullam.analysis.worker_processes import WorkerProcesses
+from fullam.exceptions import CampaignError, FullamWarning, MissingDependency
 
 CONNECT_TIMEOUT = 10.0
-"""How long a scheduler may take to answer [s]."""
+"""How long a scheduler may take to answer, and its first worker to appear [s]."""
+
+LOOK = 0.05
+"""Time between looks at what a scheduler has finished [s]."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Rest = Callable[[Item, Result], Item | None]
+"""What an item still needs after a result; None if nothing."""
 
 
-class Workers:
-    """Where work is done: this process, or a cluster's; see `open_workers`."""
-
-    def __init__(self, client: Any = None) -> None:
-        """Take a connected client; None works in this process."""
-        self._client = client
+class Workers(Protocol):
+    """Something that does work on items; `open_workers` gives one."""
 
     def map_unordered(
-        self, work: Callable[[Item], Result], items: Sequence[Item]
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        rest: Rest[Item, Result] | None = None,
     ) -> Iterator[tuple[int, Result]]:
-        """(index, result) of `work` on every item, as they come.
+        """(index of the item, result) of `work` on every item, as they come.
 
         An item whose worker dies is done again by another.
 
         Args:
             work: A function that can be pickled and gives the same result every time.
             items: Its arguments.
+            rest: For work that stops early: what the item still needs, which is then done too, and
+                gives another result of the same index.
 
         Raises:
             CampaignError: One item killed four workers.
         """
-        if self._client is None:
-            yield from ((i, work(item)) for i, item in enumerate(items))
-            return
+        ...
+
+
+class ThisProcess:
+    """Work done here and now, item by item."""
+
+    def map_unordered(
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        rest: Rest[Item, Result] | None = None,
+    ) -> Iterator[tuple[int, Result]]:
+        """As in `Workers`."""
+        for i, item in enumerate(items):
+            left: Item | None = item
+            while left is not None:
+                result = work(left)
+                left = rest(left, result) if rest is not None else None
+                yield i, result
+
+
+def map_in_order(
+    workers: Workers, work: Callable[[Item], Result], items: Sequence[Item]
+) -> list[Result]:
+    """Results of `work` on every item, in the items' order."""
+    found = dict(workers.map_unordered(work, items))
+    return [found[i] for i in range(len(items))]
+
+
+@dataclass(frozen=True)
+class Scheduler:
+    """A running dask scheduler and the certificates that open it.
+
+    Whoever can speak to a scheduler can run code as the owner of its workers, so it belongs behind
+    TLS: `tls://host:port`. Without files here dask's own configuration (`distributed.comm.tls`) is
+    asked for them.
+
+    Attributes:
+        address: As dask writes it, "tls://host:8786".
+        ca_file: Certificate of the authority that signed the scheduler's.
+        certificate: This client's certificate.
+        key: The key of that.
+    """
+
+    address: str
+    ca_file: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check address and files.
+
+        Raises:
+            CampaignError: No address, or a certificate that cannot be used.
+        """
+        files = {"ca_file": self.ca_file, "certificate": self.certificate, "key": self.key}
+        given = {name: file for name, file in files.items() if file is not None}
+        if not isinstance(self.address, str) or not self.address.strip():
+            raise CampaignError(
+                "scheduler", "address", f"is {self.address!r}", "give tls://host:port"
+            )
+        if given and len(given) < 3:
+            missing = ", ".join(name for name in files if name not in given)
+            raise CampaignError(self.address, missing, "is not given", "give all three files")
+        if given and not self.encrypted:
+            raise CampaignError(
+                self.address, "address", "is not encrypted", "certificates belong to tls://..."
+            )
+        for name, file in given.items():
+            if not Path(file).is_file():
+                raise CampaignError(self.address, name, f"'{file}' does not exist", "check it")
+
+    @property
+    def encrypted(self) -> bool:
+        """Whether the address is one of TLS."""
+        return self.address.startswith("tls://")
+
+    @contextmanager
+    def connect(self) -> Iterator[SchedulerWorkers]:
+        """Connect; nothing is started or stopped there."""
+        try:
+            import distributed
+        except ImportError as error:
+            raise MissingDependency("a scheduler", "distributed", "campaign") from error
+        if not self.encrypted:
+            warnings.warn(
+                f"{self.address} is neither encrypted nor authenticated: whoever reaches it can "
+                "run code as you; start the scheduler with TLS and give its tls:// address",
+                FullamWarning,
+                stacklevel=4,
+            )
+        security = None
+        if self.ca_file is not None:
+            security = distributed.Security(
+                require_encryption=True,
+                tls_ca_file=self.ca_file,
+                tls_client_cert=self.certificate,
+                tls_client_key=self.key,
+            )
+        try:
+            client = distributed.Client(
+                self.address, timeout=CONNECT_TIMEOUT, set_as_default=False, security=security
+            )
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            raise CampaignError(
+                self.address,
+                "scheduler",
+                f"does not answer ({error})",
+                "start it first, and give its address and, for tls://, its certificates",
+            ) from error
+        with client:
+            yield SchedulerWorkers(client, self.address)
+
+
+class SchedulerWorkers:
+    """The workers of a dask scheduler."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        """Take a connected client."""
+        self._client, self._address = client, address
+
+    def map_unordered(
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        rest: Rest[Item, Result] | None = None,
+    ) -> Iterator[tuple[int, Result]]:
+        """As in `Workers`."""
         import distributed
 
-        futures = self._client.map(work, items, pure=False)
-        index = {future.key: i for i, future in enumerate(futures)}
+        of: dict[str, tuple[int, Item]] = {}
+
+        def submit(i: int, item: Item) -> Any:
+            future = self._client.submit(work, item, pure=False)
+            of[future.key] = (i, item)
+            return future
+
+        finished = distributed.as_completed(
+            [submit(i, item) for i, item in enumerate(items)], loop=self._client.loop
+        )
         try:
-            for future in distributed.as_completed(futures, loop=self._client.loop):
-                yield index[future.key], future.result()
+            while of:
+                self._wait(finished)
+                future = next(finished)
+                i, item = of.pop(future.key)
+                result = future.result()
                 future.release()
+                left = rest(item, result) if rest is not None else None
+                if left is not None:
+                    finished.add(submit(i, left))
+                yield i, result
         except distributed.KilledWorker as error:
             raise CampaignError(
                 "campaign", "worker", f"one task killed several ({error})", "fly it with one job"
             ) from error
 
-    def map(self, work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
-        """Results of `work` on every item, in the items' order."""
-        found = dict(self.map_unordered(work, items))
-        return [found[i] for i in range(len(items))]
+    def _wait(self, finished: Any) -> None:
+        """Wait for a result; say so if nobody is there to work for it."""
+        since, said = time.monotonic(), False
+        while not finished.has_ready():
+            time.sleep(LOOK)
+            if said or time.monotonic() - since < CONNECT_TIMEOUT:
+                continue
+            if self._client.scheduler_info(n_workers=-1)["workers"]:
+                since = time.monotonic()
+                continue
+            warnings.warn(
+                f"{self._address} has had no workers for {CONNECT_TIMEOUT:g} s; still waiting: "
+                f"start some (dask worker {self._address}), or interrupt",
+                FullamWarning,
+                stacklevel=2,
+            )
+            said = True
 
 
 @contextmanager
-def open_workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Workers]:
+def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Iterator[Workers]:
     """Workers for the length of a `with` block.
 
-    A local cluster has `jobs` processes of one thread each (BLAS and OpenMP too), listens on the
-    loopback only, without a dashboard, and ends with this process even if that is killed.
-
     Args:
-        jobs: Processes of the local cluster; 1 works in this process, with one thread, and needs
-            no cluster.
-        scheduler: Address of a running dask scheduler, instead of a local cluster.
+        jobs: Worker processes of this machine, one thread each, reached through pipes that nobody
+            else can open; 1 works in this process, with one thread.
+        scheduler: A running dask scheduler, or its address, instead.
 
     Raises:
-        MissingDependency: distributed is not installed.
-        CampaignError: Fewer than one job, or no scheduler answers.
+        MissingDependency: cloudpickle or distributed is not installed.
+        CampaignError: Not a sensible number of jobs, or no scheduler answers.
+
+    Warns:
+        FullamWarning: The scheduler's address is not encrypted; or it has no workers.
     """
-    if jobs < 1:
-        raise CampaignError("campaign", "jobs", f"is {jobs}", "give 1 or more")
-    if jobs == 1 and scheduler is None:
-        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-        with threadpool_limits(1):
-            yield Workers()
-        return
-    try:
-        import distributed
-    except ImportError as error:
-        raise MissingDependency("more than one job", "distributed", "campaign") from error
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
+        raise CampaignError("campaign", "jobs", f"is {jobs!r}", "give a whole number, 1 or more")
     with ExitStack() as stack:
-        address: Any = scheduler
-        if scheduler is None:
-            address = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=jobs,
-                    threads_per_worker=1,
-                    processes=True,
-                    host="127.0.0.1",
-                    dashboard_address=None,
-                    silence_logs=logging.CRITICAL,
-                )
-            )
-        try:
-            client = stack.enter_context(
-                distributed.Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-            )
-        except OSError as error:
-            raise CampaignError(
-                str(scheduler), "scheduler", f"does not answer ({error})", "start it first"
-            ) from error
-        yield Workers(client)
+        if scheduler is not None:
+            if isinstance(scheduler, str):
+                scheduler = Scheduler(scheduler)
+            yield stack.enter_context(scheduler.connect())
+        elif jobs > 1:
+            processes = WorkerProcesses(jobs)
+            stack.callback(processes.close)
+            yield processes
+        else:
+            # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
+            stack.enter_context(threadpool_limits(1))
+            yield ThisProcess()

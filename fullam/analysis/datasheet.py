@@ -17,6 +17,7 @@ from fullam.analysis.atlas.failures import Atlas
 from fullam.analysis.capability import Capability, assess
 from fullam.analysis.limits import ArmSurvey, SuggestedLimits, suggest_limits, survey_arm
 from fullam.analysis.trial import Trial, fly_trial
+from fullam.exceptions import VehicleError
 from fullam.model.vehicle import Vehicle
 from fullam.version import __version__
 
@@ -43,7 +44,7 @@ class ArmPose:
 
     Attributes:
         name: What the pose is.
-        theta: Joint angles [rad].
+        theta: Joint positions [rad or m].
         envelope: What it can do.
         rose: First exits from level over `AZIMUTHS` [rad].
     """
@@ -60,14 +61,15 @@ class Datasheet:
 
     Attributes:
         vehicle: The vehicle.
-        capability: With the arm at 0.
-        poses: Arm at 0, and where the survey found the least and the most tilt.
+        capability: With the arm at rest.
+        poses: Arm at rest, and where the survey found the least and the most tilt.
         survey: Worst tilts over many arm poses.
-        failures: The envelope with each rotor stopped, arm at 0.
+        failures: The envelope with each rotor stopped, arm at rest.
         payloads: Masses at the tool, shape (k,) [kg].
         payload_tilts: The worst tilt with each, shape (k,) [rad]; NaN without hover.
         limits: For controllers and autopilots.
-        agreement: Of the three ways to compute the dynamics.
+        agreement: Of the three ways to compute the dynamics; None where the paper's equations do
+            not hold for the arm.
         trial: A flight of the recommended law.
         date: Of the sheet, YYYY-MM-DD.
         versions: Of the software.
@@ -81,7 +83,7 @@ class Datasheet:
     payloads: Array
     payload_tilts: Array
     limits: SuggestedLimits
-    agreement: AgreementTable
+    agreement: AgreementTable | None
     trial: Trial
     date: str
     versions: dict[str, str]
@@ -99,7 +101,7 @@ class Datasheet:
             "arm_poses": [
                 {
                     "name": pose.name,
-                    "arm_deg": np.rad2deg(pose.theta).tolist(),
+                    "arm": self.vehicle.joints.to_typed(pose.theta).tolist(),
                     "rose_deg": np.rad2deg(pose.rose).tolist(),
                 }
                 | summary(pose.envelope)
@@ -115,7 +117,9 @@ class Datasheet:
             "payload_kg": self.payloads.tolist(),
             "payload_tilt_deg": np.rad2deg(self.payload_tilts).tolist(),
             "limits": self.limits.to_dict(),
-            "agreement": asdict(self.agreement) | {"largest": self.agreement.largest},
+            "agreement": None
+            if self.agreement is None
+            else asdict(self.agreement) | {"largest": self.agreement.largest},
             "trial": self.trial.to_dict(),
         }
 
@@ -136,8 +140,8 @@ def datasheet(
     """
     atlas, capability = Atlas(vehicle), assess(vehicle)
     survey = survey_arm(vehicle, atlas.facets, seed=seed)
-    zero = np.zeros(vehicle.n_arm)
-    named = {"arm at 0": zero}
+    rest = vehicle.joints.rest
+    named = {"arm at rest": rest}
     if np.ptp(np.nan_to_num(survey.tilts, nan=-1.0)) > SPREAD:
         named["least tilt of all poses tried"] = survey.thetas[survey.least]
         named["most tilt of all poses tried"] = survey.thetas[survey.most]
@@ -148,18 +152,18 @@ def datasheet(
     first = poses[0].envelope
     most = first.payload if first.can_hover else 0.0
     payloads = np.linspace(0.0, most, PAYLOADS)
-    loaded = [atlas.envelope(zero, payload=float(mass)).worst_tilt for mass in payloads]
+    loaded = [atlas.envelope(rest, payload=float(mass)).worst_tilt for mass in payloads]
     trial_arguments = {} if flights is None else {"seeds": flights}
     return Datasheet(
         vehicle=vehicle,
         capability=capability,
         poses=tuple(poses),
         survey=survey,
-        failures=atlas.after_failures(zero),
+        failures=atlas.after_failures(rest),
         payloads=payloads,
         payload_tilts=np.array([np.nan if tilt is None else tilt[0] for tilt in loaded]),
         limits=suggest_limits(first, survey),
-        agreement=agreement(vehicle, SAMPLES, seed),
+        agreement=_agreement(vehicle, seed),
         trial=Trial("", "", "", 0, 0, None, None, None, "not asked for")
         if flights == 0
         else fly_trial(vehicle, first, **trial_arguments),
@@ -167,6 +171,13 @@ def datasheet(
         versions={"fullam": __version__, "python": platform.python_version()}
         | {name: version(name) for name in PACKAGES},
     )
+
+
+def _agreement(vehicle: Vehicle, seed: int) -> AgreementTable | None:
+    try:
+        return agreement(vehicle, SAMPLES, seed)
+    except VehicleError:
+        return None
 
 
 def summary(envelope: Envelope) -> dict[str, Any]:

@@ -22,13 +22,16 @@ SHARE = 0.8
 POSES = 2000
 """Arm poses drawn within the joints' limits."""
 
+ENDLESS = 1.0
+"""A prismatic joint without limits is tried so far both ways [m]; a revolute one by half a turn."""
+
 
 @dataclass(frozen=True, eq=False)
 class ArmSurvey:
     """The worst tilt over arm poses drawn evenly within the joints' limits.
 
     Attributes:
-        thetas: Poses, shape (k, n_arm) [rad]; the first one is all zero.
+        thetas: Poses, shape (k, n_arm) [rad or m]; in the first one the arm is at rest.
         tilts: The worst tilt of each, exactly, shape (k,) [rad]; NaN without hover.
     """
 
@@ -60,12 +63,11 @@ def survey_arm(vehicle: Vehicle, facets: Facets, poses: int = POSES, seed: int =
         poses: How many; a vehicle without an arm has one.
         seed: Seed of the draw.
     """
-    model, rng = vehicle.model, np.random.default_rng(seed)
-    low, high = model.lowerPositionLimit[7:].copy(), model.upperPositionLimit[7:].copy()
-    endless = ~(np.isfinite(low) & np.isfinite(high) & (high - low < 2.0 * np.pi))
-    low[endless], high[endless] = -np.pi, np.pi
+    joints, rng = vehicle.joints, np.random.default_rng(seed)
+    endless = np.where(joints.prismatic, ENDLESS, np.pi)
+    low, high = np.maximum(joints.lower, -endless), np.minimum(joints.upper, endless)
     thetas = rng.uniform(low, high, (poses if vehicle.n_arm else 1, vehicle.n_arm))
-    thetas[0] = 0.0
+    thetas[0] = joints.rest
     centers = centers_of(vehicle, thetas)
     return ArmSurvey(thetas, worst_tilts(facets, load_of(vehicle), centers))
 

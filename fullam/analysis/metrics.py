@@ -10,34 +10,34 @@ readings are given:
 
 - *raw*: the textbook's. The true error against 2 % of the step, over the whole response.
 - *noise-aware*, the one without a suffix: the moving average of the error over 0.2 s
-  (`response.SMOOTHING`), against 2 % (5 %) of the step but never less than `NOISE_SIGMAS` standard
-  deviations of the pose sensor's noise, because no controller can hold what its sensor cannot
-  see. Inside means `SHARE_INSIDE` of the time from then on, what two standard deviations
-  promise, and at least half of the response must be left to show it. Overshoot is sought in the
-  transient only; later peaks are answers to gusts. The rule follows from scenario and weather
-  alone, so it is the same for every controller. In weather without noise and gusts both readings
-  are the raw one.
+  (`response.SMOOTHING`), against 2 % (5 %) of the step but never less than `judge.NOISE_SIGMAS`
+  standard deviations of the pose sensor's noise, because no controller can hold what its sensor
+  cannot see. Inside means `judge.SHARE_INSIDE` of the time from then on, what two standard
+  deviations promise, and at least half of the response must be left to show it. Overshoot is
+  sought in the transient only; later peaks are answers to gusts. The rule follows from scenario
+  and weather alone, so it is the same for every controller. In weather without noise and gusts
+  both readings are the raw one.
 
-An axis that does not step has settled when it is inside `HOLD_BAND`, which is also 2 % of the
-paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
+An axis that does not step has settled when it is inside `judge.HOLD_BAND`, which is also 2 %
+of the paper's 1 m step and close to its noise bounds (25 mm, 3 deg).
+
+One flight (`measure`) and the flights of a campaign, eight at a time (`judge.TrackJudge`, then
+`metrics_of` or `rows_of`), are measured by the same kernels and have the same bits.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Container
+from dataclasses import dataclass, fields
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis.response import (
-    STEP_MINIMUM,
-    Response,
-    high_pass,
-    off_path,
-    overshoot,
-    settling_time,
-)
+from fullam.analysis.asked_motion import AskedMotion
+from fullam.analysis.deviation import track_of
+from fullam.analysis.judge import COLUMN, NOISE_SIGMAS, Figures, Judge
 from fullam.simulation.scenario import AXES
 
 if TYPE_CHECKING:
@@ -46,19 +46,6 @@ if TYPE_CHECKING:
     from fullam.simulation.weather import Weather
 
 Array = NDArray[np.float64]
-Maybe = float | None
-
-NOISE_SIGMAS = 2.0
-"""Narrowest settling band in standard deviations of the pose sensor's noise."""
-
-SHARE_INSIDE = 0.95
-"""Share of the rest of the response that a settled axis spends in its band, noise-aware."""
-
-HOLD_BAND = (20.0, 2.0)
-"""Settling band of an axis that does not step [mm, deg]."""
-
-TRANSIENT = 3.0
-"""Overshoot is sought at least this long after the jump, and until 1 s after settling [s]."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +86,22 @@ class AxisMetrics:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; lengths carry their unit in the key, as in `rms_mm`."""
-        lengths = ("step", "steady_error", "rms", "max_excursion", "jitter")
-        values = asdict(self)
-        unit = values.pop("unit")
-        return {f"{k}_{unit}" if k in lengths else k: v for k, v in values.items()}
+        return {axis_key(name, self.unit): _json(getattr(self, name)) for name in AXIS_FIGURES}
+
+
+AXIS_FIGURES = tuple(field.name for field in fields(AxisMetrics) if field.name != "unit")
+UNITS = ("mm",) * 3 + ("deg",) * 3
+LENGTHS = ("step", "steady_error", "rms", "max_excursion", "jitter")
+
+
+def axis_key(name: str, unit: str) -> str:
+    """Key of a figure of an axis in JSON: lengths carry their unit."""
+    return f"{name}_{unit}" if name in LENGTHS else name
+
+
+def _json(value: Any) -> Any:
+    """The value; None if it is NaN, which is not JSON."""
+    return None if value != value else value
 
 
 @dataclass(frozen=True)
@@ -156,10 +155,16 @@ class Metrics:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; the axes are nested under "axes", what could not be measured is None."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        values = {k: None if v != v else v for k, v in values.items()}  # NaN is not JSON
+        values: dict[str, Any] = {name: _json(getattr(self, name)) for name in FLIGHT_FIGURES}
         values["axes"] = {name: axis.to_dict() for name, axis in self.axes.items()}
         return values
+
+
+FLIGHT_FIGURES = tuple(field.name for field in fields(Metrics) if field.name != "axes")
+OPTIONAL = {
+    field.name for kind in (Metrics, AxisMetrics) for field in fields(kind) if "None" in field.type
+}
+"""Figures that may be None."""
 
 
 def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
@@ -174,58 +179,17 @@ def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
     Returns:
         The figures; only the axes that the scenario controls count.
     """
+    controlled = np.array(run.scenario.axes_mask)
     if len(run) == 0:
-        return _unmeasured(run)
-    response, scenario, floors = Response.of(run), run.scenario, noise_floors(run.weather)
-    steady = response.steady
-    mask = np.array(scenario.axes_mask)
-    excursion = np.max(np.abs(off_path(response.error, response.step, mask)), axis=0)
-    position = np.where(mask[:3], response.error[:, :3], 0.0)
-    rotation = np.where(mask[3:], response.rotation, 0.0)
-    everything = np.hstack([response.error, position, rotation])
-    fast = high_pass(everything, response.period)[steady]
-    jitter = _rms(fast[:, :6])
-    axes = {}
-    for i in np.flatnonzero(mask):
-        floor = None if floors is None else floors[i // 3]
-        settling, overshoots = _transient(response, int(i), floor, run.diverged)
-        error = response.error[steady, i]
-        axes[AXES[i]] = AxisMetrics(
-            "mm" if i < 3 else "deg",
-            float(response.step[i]),
-            *settling,
-            *overshoots,
-            steady_error=float(np.mean(error)),
-            rms=float(_rms(error)),
-            max_excursion=float(excursion[i]),
-            jitter=float(jitter[i]),
-        )
-    stepping = [axis for axis in axes.values() if axis.step]
-    slowest = _latest([axis.settling_time_s for axis in axes.values()])
+        nothing = Figures.unknown(controlled, np.array([run.diverged]))
+        return metrics_of(nothing)[0]
     vehicle = vehicle or run.vehicle
-    thrusts = np.square(run.rotor_speeds) @ vehicle.rotors.k_f
-    return Metrics(
-        settled=slowest is not None,
-        diverged=run.diverged,
-        settling_time_s=slowest,
-        settling_time_5_s=_latest([axis.settling_time_5_s for axis in axes.values()]),
-        settling_time_raw_s=_latest([axis.settling_time_raw_s for axis in stepping]),
-        overshoot_percent=_worst([axis.overshoot_percent for axis in stepping]),
-        overshoot_raw_percent=_worst([axis.overshoot_raw_percent for axis in stepping]),
-        overshoot_setpoint_percent=_worst([axis.overshoot_setpoint_percent for axis in stepping]),
-        rms_position_mm=_rms_norm(position[steady]),
-        rms_attitude_deg=_rms_norm(rotation[steady]),
-        steady_position_mm=float(np.linalg.norm(np.mean(position[steady], axis=0))),
-        steady_attitude_deg=float(np.linalg.norm(np.mean(rotation[steady], axis=0))),
-        max_excursion_mm=float(np.max(excursion[:3], where=mask[:3], initial=0.0)),
-        max_excursion_deg=float(np.max(excursion[3:], where=mask[3:], initial=0.0)),
-        jitter_position_mm=_rms_norm(fast[:, 6:9]),
-        jitter_attitude_deg=_rms_norm(fast[:, 9:]),
-        saturated_share=float(np.mean(run.saturated)),
-        effort=float(np.mean(thrusts)) / (vehicle.mass * vehicle.gravity),
-        duration_s=float(run.t[-1]),
-        axes=axes,
-    )
+    asked = AskedMotion.of(run.t, run.reference_pose, run.pose[0])
+    weight = vehicle.mass * vehicle.gravity
+    judge = Judge(asked, controlled, noise_floors(run.weather), weight)
+    thrust = np.square(run.rotor_speeds) @ vehicle.rotors.k_f
+    track = track_of(run.pose, run.saturated, thrust)
+    return metrics_of(judge.over(track).figures([len(run)], [run.diverged]))[0]
 
 
 def noise_floors(weather: Weather) -> tuple[float, float] | None:
@@ -236,51 +200,47 @@ def noise_floors(weather: Weather) -> tuple[float, float] | None:
     return (NOISE_SIGMAS * noise[0], NOISE_SIGMAS * noise[1])
 
 
-def _transient(
-    response: Response, i: int, floor: Maybe, diverged: bool
-) -> tuple[tuple[Maybe, Maybe, Maybe], tuple[Maybe, Maybe, Maybe]]:
-    """Settling times (2 %, 5 %, raw) and overshoots (step, raw, set point) of axis i."""
-    t, raw, step = response.t, response.error[:, i], float(response.step[i])
-    error = raw if floor is None else response.smoothed[:, i]
-    share = 1.0 if floor is None else SHARE_INSIDE
-
-    def settling(band: float) -> Maybe:
-        return None if diverged else settling_time(t, error, band, share)
-
-    if not step:
-        held = settling(HOLD_BAND[i // 3])
-        return (held, held, None), (None, None, None)
-    two, five = (settling(max(s * abs(step), floor or 0.0)) for s in (0.02, 0.05))
-    end = np.inf if floor is None or two is None else max(TRANSIENT, two + 1.0)
-    peak = overshoot(error[t <= end], step)
-    setpoint = abs(float(response.setpoint[i]))
-    of_setpoint = peak * abs(step) / setpoint if setpoint > STEP_MINIMUM[i // 3] else None
-    raw_two = None if diverged else settling_time(t, raw, 0.02 * abs(step))
-    return (two, five, raw_two), (peak, overshoot(raw, step), of_setpoint)
+def metrics_of(figures: Figures) -> list[Metrics]:
+    """The figures of flights, one object each."""
+    controlled = np.flatnonzero(figures.controlled).tolist()
+    found = []
+    for measured, row in zip(figures.measured, _cells(figures, OPTIONAL), strict=True):
+        cells = iter(row)
+        whole = dict(zip(FLIGHT_FIGURES, islice(cells, len(FLIGHT_FIGURES)), strict=True))
+        axes = {
+            AXES[i]: AxisMetrics(UNITS[i], *islice(cells, len(AXIS_FIGURES))) for i in controlled
+        }
+        found.append(Metrics(**whole, axes=axes if measured else {}))
+    return found
 
 
-def _unmeasured(run: Run) -> Metrics:
-    """Figures of a flight that ended before its first tick: nothing but its outcome."""
-    unknown: dict[str, Any] = {
-        field.name: None if "None" in str(field.type) else np.nan for field in fields(Metrics)
-    }
-    return Metrics(**unknown | {"settled": False, "diverged": run.diverged, "axes": {}})
+def rows_of(figures: Figures) -> list[dict[str, Any]]:
+    """The figures of flights, one flat dictionary each, as `campaign_store.flatten` makes them."""
+    keys = list(FLIGHT_FIGURES)
+    for i in np.flatnonzero(figures.controlled):
+        keys += [f"{AXES[i]}_{axis_key(name, UNITS[i])}" for name in AXIS_FIGURES]
+    rows = [dict(zip(keys, cells, strict=True)) for cells in _cells(figures)]
+    for k in np.flatnonzero(~figures.measured):
+        rows[k] = {name: rows[k][name] for name in FLIGHT_FIGURES}
+    return rows
 
 
-def _rms(x: Array) -> Array:
-    return np.sqrt(np.mean(np.square(x), axis=0))
+def _cells(figures: Figures, optional: Container[str] | None = None) -> list[list[Any]]:
+    """Values of each flight: `FLIGHT_FIGURES`, then `AXIS_FIGURES` of each controlled axis.
 
-
-def _rms_norm(x: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(np.square(x), axis=1))))
-
-
-def _latest(times: list[Maybe]) -> Maybe:
-    """The largest; None if one is None or there is none."""
-    known = [time for time in times if time is not None]
-    return max(known) if known and len(known) == len(times) else None
-
-
-def _worst(values: list[Maybe]) -> Maybe:
-    """The largest of those that are not None."""
-    return max((value for value in values if value is not None), default=None)
+    Args:
+        figures: The numbers.
+        optional: Figures for which None stands in the place of NaN; all of them by default.
+    """
+    names = [(name, name) for name in FLIGHT_FIGURES]
+    for i in np.flatnonzero(figures.controlled):
+        names += [(name, f"{AXES[i]}_{name}") for name in AXIS_FIGURES]
+    values = figures.numbers[:, [COLUMN[column] for _, column in names]]
+    none = np.isnan(values)
+    if optional is not None:
+        none &= [name in optional for name, _ in names]
+    cells = values.astype(object)
+    cells[none] = None
+    cells[:, :2] = values[:, :2] > 0.0  # settled and diverged
+    rows: list[list[Any]] = cells.tolist()
+    return rows

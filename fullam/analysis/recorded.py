@@ -26,7 +26,7 @@ errors are given to the true vehicle here; everything else is exact.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -223,8 +223,20 @@ def fly(task: Task, reading: Reading, seed: int) -> Figures:
     return replace(last, rms=pick("rms"), mean=pick("mean"), command_noise=pick("command_noise"))
 
 
-def compare(task: Task, reading: Reading, seeds: Sequence[int]) -> tuple[Figures, list[Figures]]:
-    """Median figures over seeds, and those of each seed."""
+def compare(
+    task: Task,
+    reading: Reading,
+    seeds: Sequence[int],
+    fly: Callable[[Task, Reading, int], Figures] = fly,
+) -> tuple[Figures, list[Figures]]:
+    """Median figures over seeds, and those of each seed.
+
+    Args:
+        task: What is flown.
+        reading: How their settings are read.
+        seeds: Seeds of the weather.
+        fly: What gives the figures of one seed.
+    """
     flown = [fly(task, reading, seed) for seed in seeds]
 
     def median(name: str) -> Any:

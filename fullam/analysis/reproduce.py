@@ -2,18 +2,19 @@
 
 `fullam.viz.report` turns the result into a page. Rows are kept in `data/` of the report's folder
 under a name that carries a digest of the conditions, so a report that was stopped goes on where it
-was, and one with more runs flies only what is new.
+was, and one with more runs flies only what is new. What was flown under conditions that no longer
+hold goes to `data/superseded/`.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fullam.analysis import recorded
+from fullam.analysis import provenance, recorded
 from fullam.analysis.campaign import FASTEST, Campaign, Contender, sweep
 from fullam.analysis.claims import (
     CLAIMS,
@@ -26,12 +27,14 @@ from fullam.analysis.claims import (
     Paired,
     Proof,
 )
+from fullam.analysis.cluster import Scheduler
 from fullam.analysis.evidence import (
     Finding,
     TiltProof,
     judge,
     prove_no_tilted_hover,
 )
+from fullam.analysis.journal import open_journal
 from fullam.analysis.recorded import Figures, Reading, Task
 from fullam.analysis.tuning import contender_name, tuned_names
 from fullam.model.loading import load_vehicle
@@ -168,7 +171,7 @@ def reproduce(
     runs: int = 100,
     quick: bool = False,
     jobs: int = 1,
-    scheduler: str | None = None,
+    scheduler: Scheduler | str | None = None,
     engine: str = FASTEST,
     progress: Progress | None = None,
 ) -> Reproduction:
@@ -179,7 +182,7 @@ def reproduce(
         runs: Seeds a scenario, 0 on.
         quick: A look in two minutes: `QUICK_RUNS` seeds.
         jobs: Worker processes.
-        scheduler: Address of a running dask scheduler.
+        scheduler: A running dask scheduler, or its address.
         engine: Which engine flies.
         progress: Told what is being done.
 
@@ -233,7 +236,9 @@ def reproduce(
             for name in ("quadrotor_arm", "fullam")
             for k in CONFIGURATIONS
         ),
-        _compare_recorded(2 if quick else RECORDED_SEEDS, tell),
+        _compare_recorded(
+            Path(folder) / "data" / "recorded.journal", 2 if quick else RECORDED_SEEDS, tell
+        ),
     )
 
 
@@ -263,24 +268,52 @@ def command(claim: Claim, entry: Entry, condition: Condition, runs: int) -> str:
 
 
 def _data_file(folder: Path, name: str, campaign: Campaign) -> Path:
-    """Where the rows of these conditions are kept; those of other conditions are removed."""
+    """Where the rows of these conditions are kept; those of others are put aside."""
     from fullam.analysis.campaign_store import fingerprint
 
     path = folder / f"{name}-{fingerprint(campaign.identity())}.parquet"
-    for stale in folder.glob(f"{name}-????????????????.parquet"):
-        if stale != path:
-            stale.unlink()
+    for suffix in ("", ".parts"):
+        for stale in folder.glob(f"{name}-????????????????.parquet{suffix}"):
+            if stale.name != path.name + suffix:
+                aside = folder / "superseded"
+                aside.mkdir(exist_ok=True)
+                if not (aside / stale.name).exists():
+                    stale.rename(aside / stale.name)
     return path
 
 
-def _compare_recorded(seeds: int, tell: Progress) -> tuple[RecordedRow, ...]:
+def _compare_recorded(path: Path, seeds: int, tell: Progress) -> tuple[RecordedRow, ...]:
+    """Our side of the comparison; its flights are kept in a journal as they end."""
     rows: list[RecordedRow] = []
-    total = len(recorded.TASKS) * len(recorded.READINGS)
-    for task in recorded.TASKS:
-        ours: dict[Reading, Figures] = {}
-        for reading in recorded.READINGS:
-            tell("flying under the recorded runs' settings", len(rows) * 3 + len(ours), total)
-            ours[reading] = recorded.compare(task, reading, range(seeds))[0]
-        rows.append(RecordedRow(task, recorded.PUBLISHED[task.name], ours))
+    total = len(recorded.TASKS) * len(recorded.READINGS) * seeds
+    vehicle = provenance.cached_vehicle(recorded.TASKS[0].scenario.vehicle)
+    conditions = {
+        "tasks": [repr(task) for task in recorded.TASKS],
+        "readings": [repr(reading) for reading in recorded.READINGS],
+        "source": provenance.short_digest(Path(recorded.__file__).read_bytes()),
+        "vehicle": provenance.vehicle_digest(vehicle),
+        "versions": provenance.versions(),
+        "code": provenance.code_digest(),
+    }
+    with open_journal(path, conditions, start_over=True) as journal:
+        done = 0
+
+        def fly(task: Task, reading: Reading, seed: int) -> Figures:
+            nonlocal done
+            tell("flying under the recorded runs' settings", done, total)
+            done += 1
+            key = [task.name, repr(reading), seed]
+            return _figures(journal.once(key, lambda: asdict(recorded.fly(task, reading, seed))))
+
+        for task in recorded.TASKS:
+            ours = {
+                reading: recorded.compare(task, reading, range(seeds), fly)[0]
+                for reading in recorded.READINGS
+            }
+            rows.append(RecordedRow(task, recorded.PUBLISHED[task.name], ours))
     tell("flying under the recorded runs' settings", total, total)
     return tuple(rows)
+
+
+def _figures(data: dict[str, list[float] | None]) -> Figures:
+    return Figures(**{k: None if v is None else tuple(v) for k, v in data.items()})  # type: ignore[arg-type]

@@ -1,38 +1,41 @@
+# mypy: disallow-untyped-defs=False
 """The response of a flight to the last jump of its reference, and how to read it.
 
-Pure arithmetic on arrays in mm and deg; what the numbers mean together is in `metrics`.
+Pure arithmetic on numbers in mm and deg; what they mean together is in `metrics`.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import butter, sosfiltfilt
-from scipy.spatial.transform import Rotation
 
-from fullam.dynamics.pose_space import euler_from_pose
+from fullam.analysis.asked_motion import AskedMotion
+from fullam.analysis.deviation import coordinates, deviations
+from fullam.numbers.kernel import absolute, both, kernel, maximum, select, sqrt
+from fullam.numbers.vectors import Vector, axpy, dot
 
 if TYPE_CHECKING:
     from fullam.simulation.run import Run
+
+__all__ = ["Response", "coordinates", "settling_time"]
 
 Array = NDArray[np.float64]
 
 SMOOTHING = 0.2
 """Length of the centred moving average [s]."""
 
-STEP_MINIMUM = (10.0, 1.0)
-"""A jump below this is no step: 2 % of it would be 0.2 mm or 0.02 deg [mm, deg]."""
-
 DWELL = 0.5
 """To count as settled an axis stays in its band at least this long without a break [s]."""
 
 JITTER_FREQUENCY = 2.0
 """Motion above this counts as jitter [Hz]; the position loop's own bandwidth is below it."""
+
+NEVER = math.nan
+"""A settling time that is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +63,16 @@ class Response:
     @classmethod
     def of(cls, run: Run) -> Response:
         """Cut the response out of a run."""
-        reference, pose = coordinates(run.reference_pose), coordinates(run.pose)
-        # Before the first row the reference stood where the vehicle starts.
-        change = _wrapped(np.diff(reference, axis=0, prepend=pose[:1]))
-        start = last_jump(change)
-        error = _wrapped(pose - reference)[start:]
-        attitude = Rotation.from_quat(run.pose[start:, 3:])
-        desired = Rotation.from_quat(run.reference_pose[start:, 3:])
-        jumped = np.abs(change[start]) > np.repeat(STEP_MINIMUM, 3)
+        asked = AskedMotion.of(run.t, run.reference_pose, run.pose[0])
+        signals = deviations(run.pose[asked.start :], asked.rows())
         return cls(
-            start=float(run.t[start]),
-            t=run.t[start:] - run.t[start],
-            error=error,
-            rotation=np.degrees((attitude * desired.inv()).as_rotvec()),
-            step=np.where(jumped, change[start], 0.0),
-            setpoint=reference[-1],
-            period=float(run.t[1] - run.t[0]) if len(run) > 1 else 0.0,
+            start=float(run.t[asked.start]),
+            t=asked.since,
+            error=signals[:, :6],
+            rotation=signals[:, 6:],
+            step=asked.step,
+            setpoint=asked.setpoint,
+            period=asked.period,
         )
 
     @property
@@ -83,87 +80,132 @@ class Response:
         """Rows of the steady part: the second half."""
         return slice(self.t.size // 2, None)
 
-    @cached_property
-    def smoothed(self) -> Array:
-        """Centred moving average of the error; at the ends the edge value is repeated."""
-        window = min(self.t.size, 2 * round(0.5 * SMOOTHING / max(self.period, 1e-9)) + 1)
-        return uniform_filter1d(self.error, window, axis=0, mode="nearest")
 
+def rows_inside(t: Array, share: float = 1.0) -> Array:
+    """How many rows from each row on must be inside the band for it to have settled there.
 
-def coordinates(pose: Array) -> Array:
-    """[position [mm], x-y-z Euler angles [deg]] of poses, (N, 7) to (N, 6)."""
-    return np.hstack([1e3 * pose[:, :3], np.degrees(euler_from_pose(pose))])
-
-
-def last_jump(change: Array) -> int:
-    """Row of the last jump of a reference, 0 if it has none.
-
-    A jump is an isolated increment: more than three times both its neighbours, in position or in
-    attitude. Ramps and smooth trajectories have none, however fast they are.
+    A share below 1 is a statistic and needs data: half of the response at least. Where less is
+    left no number is enough.
 
     Args:
-        change: Increments of the reference, row k from row k-1 to k, shape (N, 6) [mm, deg].
+        t: Times from the jump on [s], shape (N,).
+        share: Of the rest of the response; 1 is the textbook's "for ever".
     """
-    latest = 0
-    for half in (change[:, :3], change[:, 3:]):
-        size = np.pad(np.linalg.norm(half, axis=1), 1)
-        neighbours = np.maximum(size[:-2], size[2:])
-        rows = np.flatnonzero(size[1:-1] > 3.0 * neighbours + 1e-6)
-        latest = max(latest, int(rows[-1]) if rows.size else 0)
-    return latest
+    left = np.arange(t.size, 0, -1, dtype=float)
+    # 95 % of 20 rows are 19, whatever the last bit of 0.95 says.
+    return np.where((share < 1.0) & (t > 0.5 * t[-1]), np.inf, np.ceil(share * left - 1e-9))
 
 
 def settling_time(t: Array, error: Array, band: float, share: float = 1.0) -> float | None:
-    """First time from which |error| stays within the band, or None.
-
-    It stays when it is inside for `DWELL` without a break, and for the given share of the rest of
-    the response. A share below 1 is a statistic and needs data: half of the response at least.
+    """First time from which |error| stays within the band, or None: `settle` of arrays.
 
     Args:
         t: Times from the jump on [s], shape (N,).
         error: Error, shape (N,).
         band: Half-width of the band, in the error's unit.
-        share: 1 is the textbook's "for ever".
+        share: Of the rest of the response that is spent inside.
     """
-    inside = np.abs(error) <= band
-    left = np.arange(t.size, 0, -1)
-    share_left = np.cumsum(inside[::-1])[::-1] / left
-    # The next row outside, seen from each row; the end of the record cuts a dwell short, too.
-    next_outside = np.minimum.accumulate(np.where(inside, t[-1], t)[::-1])[::-1]
-    dwells = next_outside - t >= DWELL - 1e-9
-    proven = t <= (0.5 * t[-1] if share < 1.0 else t[-1])
-    settled = np.flatnonzero(inside & dwells & proven & (share_left >= share))
-    return float(t[settled[0]]) if settled.size else None
+    time = settle(t.tolist(), error.tolist(), band, rows_inside(t, share).tolist())
+    return None if math.isnan(time) else float(time)
 
 
-def overshoot(error: Array, step: float) -> float:
-    """Largest error beyond the target, in percent of the step; 0 if it never gets there."""
-    return 100.0 * max(0.0, float(np.max(error * np.sign(step)))) / abs(step)
+@kernel
+def settle(t, error, band, enough):
+    """First time from which |error| stays within the band, or `NEVER`.
 
-
-def off_path(error: Array, step: Array, mask: NDArray[np.bool_]) -> Array:
-    """Deviation from the line through target and start of the jump, shape (N, 6) [mm, deg].
-
-    e - (e.d) d / |d|^2, for position and Euler angles apart; the plain error where nothing jumps.
+    It stays when it is inside for `DWELL` without a break, and in `enough` rows of those from
+    there on. The end of the record cuts a dwell short, too.
     """
-    result = np.where(mask, error, 0.0)
-    for half in (slice(0, 3), slice(3, 6)):
-        d = np.where(mask[half], step[half], 0.0)
-        if square := float(d @ d):
-            e = result[:, half]
-            result[:, half] = e - (e @ d)[:, None] * d / square
-    return result
+    n = len(error)
+    inside_rows, leaves, settled = 0.0, t[n - 1], NEVER
+    for j in range(n):
+        k = n - 1 - j
+        inside = absolute(error[k]) <= band
+        inside_rows = inside_rows + select(inside, 1.0, 0.0)
+        leaves = select(inside, leaves, t[k])
+        stays = both(leaves - t[k] >= DWELL - 1e-9, inside_rows >= enough[k])
+        settled = select(stays, t[k], settled)
+    return settled
 
 
-def high_pass(signal: Array, period: float) -> Array:
-    """What is above `JITTER_FREQUENCY`: Butterworth of order 4, run forth and back, (N, k)."""
-    if period <= 0.0 or 0.5 / period <= JITTER_FREQUENCY or len(signal) <= 1.0 / period:
-        return np.zeros_like(signal)  # too short to tell jitter from the transient
-    sos = butter(4, JITTER_FREQUENCY, "highpass", fs=1.0 / period, output="sos")
-    return np.asarray(sosfiltfilt(sos, signal, axis=0))
+@kernel
+def overshoot(t, error, step, end):
+    """Largest error beyond the target until a time, in percent; 0 if it never gets there."""
+    sign = select(step < 0.0, -1.0, 1.0)
+    peak = 0.0
+    for k in range(len(error)):
+        beyond = sign * error[k]
+        peak = select(both(t[k] <= end, beyond > peak), beyond, peak)
+    return 100.0 * peak / absolute(step)
 
 
-def _wrapped(change: Array) -> Array:
-    """Angle differences (columns 3 on) brought to [-180, 180) deg; shape (N, 6)."""
-    change[:, 3:] = (change[:, 3:] + 180.0) % 360.0 - 180.0
-    return change
+class Path(NamedTuple):
+    """Direction d from target to start of a jump, and d / |d|^2; zeros where nothing jumps."""
+
+    direction: Vector
+    pull: Vector
+
+
+def path_numbers(step: Array) -> Array:
+    """The numbers of the `Path` of a jump, shape (6,); step of shape (3,)."""
+    square = float(step @ step)
+    return np.concatenate([step, step / (square or 1.0)])
+
+
+@kernel
+def excursions(signals, first, path):
+    """Largest deviations of three signals from the line through target and start of the jump.
+
+    |e - (e.d) d / |d|^2|, signal by signal; the largest plain error where nothing jumps.
+    """
+    x, y, z = signals[first], signals[first + 1], signals[first + 2]
+    a, b, c = 0.0, 0.0, 0.0
+    for k in range(len(x)):
+        error = (x[k], y[k], z[k])
+        off = axpy(-dot(error, path.pull), path.direction, error)
+        a, b, c = (
+            maximum(absolute(off[0]), a),
+            maximum(absolute(off[1]), b),
+            maximum(absolute(off[2]), c),
+        )
+    return (a, b, c)
+
+
+@kernel
+def path_length(signals, first):
+    """Sum of the norms of three signals over all rows."""
+    x, y, z = signals[first], signals[first + 1], signals[first + 2]
+    total = 0.0
+    for k in range(len(x)):
+        total = total + sqrt(x[k] * x[k] + y[k] * y[k] + z[k] * z[k])
+    return total
+
+
+def window(rows: int, period: float) -> tuple[int, int]:
+    """Rows that the moving average takes before and after its own: `SMOOTHING` in all."""
+    width = min(rows, 2 * round(0.5 * SMOOTHING / max(period, 1e-9)) + 1)
+    return width // 2, width - width // 2 - 1
+
+
+@kernel
+def smooth(signal, before, after, out):
+    """Centred moving average; beyond the ends the edge value is repeated."""
+    n = len(signal)
+    width = before + after + 1.0
+    total = 0.0
+    for k in range(-before, after + 1):
+        total = total + signal[max(0, min(k, n - 1))]
+    out[0] = total / width
+    for k in range(1, n):
+        total = total + (signal[min(k + after, n - 1)] - signal[max(k - 1 - before, 0)])
+        out[k] = total / width
+
+
+@kernel
+def mean_and_rms(signal, first, stop):
+    """Mean, and root mean square, of the samples first to stop - 1."""
+    total, square = 0.0, 0.0
+    for k in range(first, stop):
+        total = total + signal[k]
+        square = square + signal[k] * signal[k]
+    return total / (stop - first), sqrt(square / (stop - first))

@@ -72,7 +72,7 @@ def fly_trial(vehicle: Vehicle, envelope: Envelope, seeds: int = SEEDS) -> Trial
 
     Args:
         vehicle: The vehicle.
-        envelope: With the arm at 0.
+        envelope: With the arm at rest.
         seeds: How many flights.
     """
     if not envelope.can_hover or envelope.worst_tilt is None:
@@ -133,7 +133,7 @@ def _scenario(vehicle: Vehicle, envelope: Envelope) -> tuple[Scenario, str]:
     )
     step = f"x, y and z with {tilt:.0f}° of tilt" if all(possible) else "z"
     text = (
-        f"a step of 0.5 m along {step}, arm at 0; noise as in the "
+        f"a step of 0.5 m along {step}, arm at rest; noise as in the "
         f"paper, gusts of {100.0 * GUST:.0f} % of the weight (one sigma), ±2 % on the parameters"
     )
     if not all(possible):

@@ -22,6 +22,7 @@ import itertools
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -30,12 +31,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fullam
-from fullam.analysis.campaign import FLIGHT_ENDED, cached_vehicle
-from fullam.analysis.cluster import Workers, open_workers
+from fullam.analysis import provenance
+from fullam.analysis.campaign import FLIGHT_ENDED
+from fullam.analysis.cluster import open_workers
+from fullam.analysis.journal import open_journal
 from fullam.analysis.metrics import measure
+from fullam.analysis.prices import Prices
+from fullam.analysis.provenance import cached_vehicle
 from fullam.analysis.response import Response
-from fullam.control.controller import controller_class, make_settings
-from fullam.control.estimator import estimator_class
+from fullam.control.controllers import controller_class, make_settings
+from fullam.control.estimators import estimator_class
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle
@@ -275,11 +280,15 @@ def tune(
         jobs: Worker processes; the result does not depend on them.
         engine: Which engine flies.
         out: A TOML file that always holds the best so far, also when the search is interrupted.
+            The cost of every candidate is kept beside it in `NAME.journal` until the end, so that
+            the same call continues a search that was stopped.
         progress: Told the best so far after every generation.
 
     Raises:
         UnknownName: No such controller or estimator, or one without a search space.
         SettingsError: A budget below one generation.
+        CampaignError: `out` is being written by another process, or what was kept beside it came
+            under other conditions; or a vehicle was edited meanwhile.
         MissingDependency: The optimiser is not installed.
     """
     estimator = estimator or SimulationSettings().estimator
@@ -294,32 +303,55 @@ def tune(
     price = functools.partial(
         candidate_cost, controller=controller, estimator=estimator, engine=engine
     )
-    with open_workers(jobs) as workers:
-        training = functools.partial(price, flights=TRAINING)
-        default_cost = training(start)
+    with ExitStack() as stack:
+        conditions = _conditions(controller, estimator, engine)
+        journal = None
+        if out is not None:
+            journal = stack.enter_context(open_journal(f"{out}.journal", conditions))
+        workers = stack.enter_context(open_workers(jobs))
+        prices = Prices(workers, price, journal, lambda: _vehicles() == conditions["vehicles"])
+        default_cost = prices.of([start], TRAINING)[0]
         best = Tuning(
             controller, estimator, start, default_cost, default_cost, 1, budget, seed, engine
         )
-        for found in _search(best, space, workers, training):
+        for found in _search(best, space, functools.partial(prices.of, flights=TRAINING)):
             best = found
             if out is not None:
                 best.save(out)
             if progress is not None:
                 progress(best)
-        validation = workers.map(
-            functools.partial(price, flights=VALIDATION), [start, best.settings]
-        )
-    best = replace(best, validation=(validation[0], validation[1]))
-    if out is not None:
-        best.save(out)
+        validation = prices.of([start, best.settings], VALIDATION)
+        best = replace(best, validation=(validation[0], validation[1]))
+        if out is not None:
+            best.save(out)
+            Path(f"{out}.journal").unlink()
     return best
+
+
+def _conditions(controller: str, estimator: str, engine: str) -> dict[str, Any]:
+    """What the cost of a candidate depends on, as JSON values."""
+    return {
+        "controller": make_settings(controller).to_dict() | {"": controller},
+        "estimator": estimator,
+        "engine": engine,
+        "scenarios": [load_scenario(name).to_dict() for name in _SCENARIOS],
+        "vehicles": _vehicles(),
+        "cost": provenance.short_digest(Path(__file__).read_bytes()),
+        "versions": provenance.versions(),
+        "code": provenance.code_digest(),
+    }
+
+
+def _vehicles() -> dict[str, str]:
+    """Digests of the vehicles that the flights are of, as their files are now."""
+    names = {load_scenario(name).vehicle for name in _SCENARIOS}
+    return {name: provenance.vehicle_digest(cached_vehicle(name)) for name in sorted(names)}
 
 
 def _search(
     best: Tuning,
     space: tuple[Parameter, ...],
-    workers: Workers,
-    price: Callable[[Mapping[str, Any]], float],
+    price: Callable[[list[dict[str, Any]]], list[float]],
 ) -> Iterable[Tuning]:
     """The best so far, after every generation."""
     try:
@@ -340,7 +372,7 @@ def _search(
     while best.evaluations + POPULATION <= best.budget and not strategy.stop():
         points = strategy.ask()
         candidates = [_settings(space, best.settings, x) for x in points]
-        costs = workers.map(price, candidates)
+        costs = price(candidates)
         strategy.tell(points, costs)
         k = int(np.argmin(costs))
         best = replace(best, evaluations=best.evaluations + len(points))

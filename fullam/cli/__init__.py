@@ -81,8 +81,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:  # a file that cannot be read or written
         output.complain(str(error))
         return USAGE
-    except KeyboardInterrupt:
-        output.complain("interrupted")
+    except KeyboardInterrupt as interrupt:
+        output.complain(f"interrupted{interrupt}")
         return INTERRUPTED
 
 

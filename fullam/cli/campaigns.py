@@ -10,16 +10,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli import options
-from fullam.cli.output import complain, number, say, say_json, table
-from fullam.cli.verbs import INTERRUPTED, OK, argument, verb
+from fullam.cli.output import number, say, say_json, table
+from fullam.cli.verbs import OK, argument, verb
 
 if TYPE_CHECKING:
     from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.cluster import Scheduler
     from fullam.analysis.tuning import Tuning
 
 JOBS = argument("--jobs", type=int, default=1, metavar="N", help="worker processes (default: 1)")
-SCHEDULER = argument(
-    "--scheduler", metavar="ADDRESS", help="a running dask scheduler, instead of a local cluster"
+SCHEDULER = (
+    argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="a running dask scheduler instead, tls://HOST:PORT; who reaches it runs code as you",
+    ),
+    argument("--tls-ca", metavar="FILE", help="certificate of the scheduler's authority (.pem)"),
+    argument("--tls-cert", metavar="FILE", help="this client's certificate (.pem)"),
+    argument("--tls-key", metavar="FILE", help="the key of that (.pem)"),
 )
 ANY_ENGINE = argument(
     "--engine", default="fastest", metavar="NAME", help="default: the fastest that covers a flight"
@@ -51,6 +59,39 @@ def settings_path(text: str) -> Path:
     return Path(text)
 
 
+def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
+    """The scheduler that was named, with its certificates; None if none was.
+
+    Raises:
+        CampaignError: Certificates without a scheduler, not all three of them, or no such file.
+    """
+    from fullam.analysis.cluster import Scheduler
+    from fullam.exceptions import CampaignError
+
+    files = (arguments.tls_ca, arguments.tls_cert, arguments.tls_key)
+    if arguments.scheduler is None:
+        if any(files):
+            raise CampaignError(
+                "--tls-...", "--scheduler", "is not given", "give tls://HOST:PORT there"
+            )
+        return None
+    return Scheduler(arguments.scheduler, *files)
+
+
+@contextmanager
+def continued(where: str) -> Iterator[None]:
+    """Say on Ctrl-C that nothing is lost, if something is kept somewhere.
+
+    Raises:
+        KeyboardInterrupt: With what to say.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        text = f"; the same command continues ({where})" if where else ""
+        raise KeyboardInterrupt(text) from interrupt
+
+
 @verb(
     "sweep",
     argument("scenarios", type=options.names, metavar="SCENARIO", help="names, with commas"),
@@ -70,7 +111,7 @@ def settings_path(text: str) -> Path:
     argument("--out", type=result_path, required=True, metavar="FILE", help="rows (.parquet)"),
     argument("--overwrite", action="store_true", help="forget what FILE holds"),
     JOBS,
-    SCHEDULER,
+    *SCHEDULER,
     ANY_ENGINE,
     options.JSON,
 )
@@ -96,19 +137,17 @@ def sweep(arguments: argparse.Namespace) -> int:
         arguments.engine,
         arguments.traces,
     )
-    try:
-        with _bar("flights") as progress:
-            rows = fly(
-                campaign,
-                arguments.out,
-                jobs=arguments.jobs,
-                scheduler=arguments.scheduler,
-                overwrite=arguments.overwrite,
-                progress=lambda done, total: progress("flights", done, total),
-            )
-    except KeyboardInterrupt:
-        complain(f"interrupted; the same command continues ({arguments.out}.parts holds the rows)")
-        return INTERRUPTED
+    where = f"{arguments.out}.parts holds the rows"
+    where += ", so leave out --overwrite" if arguments.overwrite else ""
+    with continued(where), _bar("flights") as progress:
+        rows = fly(
+            campaign,
+            arguments.out,
+            jobs=arguments.jobs,
+            scheduler=scheduler(arguments),
+            overwrite=arguments.overwrite,
+            progress=lambda done, total: progress("flights", done, total),
+        )
     _summarize(rows, campaign, arguments)
     return OK
 
@@ -180,13 +219,15 @@ def tune(arguments: argparse.Namespace) -> int:
     """Tune a controller's gains, by the same procedure and budget for every controller.
 
     CMA-ES on a cost over training flights whose seeds no evaluation uses; then defaults and result
-    fly other seeds, and both costs are printed. With --out, an interrupted search keeps its best.
+    fly other seeds, and both costs are printed. With --out, an interrupted search keeps its best,
+    and the same command continues it.
     """
     from fullam.analysis.tuning import tune as search
 
     controller, _, estimator = arguments.controller.partition("@")
     budget = arguments.budget
-    with _bar("candidates") as progress:
+    where = f"{arguments.out}.journal holds the costs" if arguments.out else ""
+    with continued(where), _bar("candidates") as progress:
 
         def tell(best: Tuning) -> None:
             progress(f"cost {best.cost:.3f}", best.evaluations, budget)
@@ -211,7 +252,7 @@ def tune(arguments: argparse.Namespace) -> int:
     argument("--out", type=Path, default=Path("report"), metavar="FOLDER", help="default: report"),
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
     JOBS,
-    SCHEDULER,
+    *SCHEDULER,
     ANY_ENGINE,
 )
 def reproduce(arguments: argparse.Namespace) -> int:
@@ -224,13 +265,13 @@ def reproduce(arguments: argparse.Namespace) -> int:
     from fullam.analysis.reproduce import reproduce as fly
     from fullam.viz.report import write_report
 
-    with _bar("flights") as progress:
+    with continued(f"{arguments.out}/data holds the rows"), _bar("flights") as progress:
         result = fly(
             arguments.out,
             runs=arguments.runs,
             quick=arguments.quick,
             jobs=arguments.jobs,
-            scheduler=arguments.scheduler,
+            scheduler=scheduler(arguments),
             engine=arguments.engine,
             progress=progress,
         )

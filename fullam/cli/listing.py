@@ -12,8 +12,8 @@ from fullam.cli.verbs import OK, verb
 def registered() -> dict[str, dict[str, str]]:
     """Everything with a name: kind to name to one line about it."""
     import fullam.simulation.simulate  # noqa: F401 - registers scenarios and controllers
-    from fullam.control.controller import controller_class, controller_names
-    from fullam.control.estimator import estimator_class, estimator_names
+    from fullam.control.controllers import controller_class, controller_names
+    from fullam.control.estimators import estimator_class, estimator_names
     from fullam.model.loading import load_vehicle, vehicle_names
     from fullam.simulation.scenario import load_scenario, scenario_names
     from fullam.simulation.weather import WEATHERS

@@ -122,7 +122,7 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
     Raises:
         SettingsError: A setting that it does not have, or a value of the wrong kind.
     """
-    from fullam.control.controller import make_settings
+    from fullam.control.controllers import make_settings
     from fullam.exceptions import SettingsError
 
     try:

@@ -45,28 +45,34 @@ integral action.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
-from fullam.control.controller import (
-    ALL_AXES,
-    Controller,
-    Measurement,
-    ReferencePoint,
-    register,
-)
+from fullam.control.law import KernelLaw, LawKernels
+from fullam.control.pid import integrated, pose_error, released
+from fullam.control.signals import Command
 from fullam.control.tracking import TrackingSettings
-from fullam.dynamics.pose_space import AttitudeView, pose_model
-from fullam.model.vehicle import Vehicle
-
-Array = NDArray[np.float64]
-
-SMALL_ANGLE = 1e-3
-"""Below this [rad] k of the module's text is 1/12 + |e|^2/720, exact to 1e-16 there; the closed
-form loses digits to cancellation."""
+from fullam.dynamics.recursion import (
+    bias_wrench,
+    composite_body,
+    gravity_in,
+    inertial_wrench,
+    solve_body,
+)
+from fullam.dynamics.so3 import SMALL, rotation_matrix
+from fullam.dynamics.spatial import (
+    Spatial,
+    add_spatial,
+    multiply_spatial,
+    rotate_spatial,
+    rotate_spatial_back,
+    subtract_spatial,
+)
+from fullam.numbers.elementary import sincos
+from fullam.numbers.kernel import Number, kernel, select, some, sqrt
+from fullam.numbers.records import record
+from fullam.numbers.vectors import ZERO, axpy, cross, dot, rotate_back, subtract
 
 
 @dataclass(frozen=True)
@@ -91,156 +97,139 @@ class BacksteppingSettings(TrackingSettings):
                 raise self._wrong(field, "C1 and C2 must be above 0")
 
 
-class CompositeBody:
-    """The frozen vehicle as one rigid body: (B1) of the module's text.
+class BacksteppingGains(NamedTuple):
+    """The law of the module's text as numbers, world axes, linear half first.
 
-    Attributes:
-        q: Configuration of which the arm's angles count, shape (nq,).
-        inertia: [[m 1, -m s(c)], [m s(c), J]] about the origin of {A}, {A} axes, (6, 6), live.
+    a = ref + `error` e + `derivative` de + `rate` ((v_d - v) + L s), with 1 + L + C1 C2, C1 and C2;
+    L times the control period, and the largest L s.
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        """Own a workspace."""
-        self._model, self._data = vehicle.model, vehicle.create_data()
-        self.q: Array = vehicle.neutral()
-        self.inertia: Array = self._data.M[:6, :6]
-        self._gravity: Array = np.array(self._model.gravity.linear)
-        self._still: Array = np.zeros(6)
-
-    def bias(self, R_WA: Array, w: Array, out: Array) -> Array:
-        """Centrifugal and gyroscopic terms less the weight, {A} axes, shape (6,), into `out`.
-
-        Refreshes `inertia` for the arm's angles in `q`. Args: attitude (3, 3), w in {A} axes.
-        """
-        # The free flyer's own block comes out of the composite inertia alone: no arm rates.
-        pin.crba(self._model, self._data, self.q)
-        M, still = self.inertia, self._still
-        np.dot(self._gravity, R_WA, out=still[:3])
-        spin = pin.skew(w)
-        np.dot(M[:, 3:], w, out=out)  # [w x m c; J w]
-        out[:3] = spin @ out[:3]
-        out[3:] = spin @ out[3:]
-        out -= M[:, :3] @ still[:3]
-        return out
+    error: Spatial
+    derivative: Spatial
+    rate: Spatial
+    integral: Spatial
+    limit: Spatial
 
 
-@register("backstepping")
-class Backstepping(Controller):
+class BacksteppingNumbers(NamedTuple):
+    """Gains, gravity, and what undelivered acceleration drains of L s in a control period."""
+
+    gains: BacksteppingGains
+    gravity: Number
+    drain: Spatial
+
+
+class BacksteppingMemory(NamedTuple):
+    """L s, and the wrench commanded last; world axes."""
+
+    integral: Spatial
+    wrench: Spatial
+
+
+@kernel
+def attitude_derivative(e, w, w_d):
+    """de/dt of e = log(R_d R^T) for the world angular velocities w and w_d, |e| < 2 pi.
+
+    de = J_l^-1(e) (w_d - R_e w) with R_e w = w + sin|e|/|e| e x w + (1 - cos|e|)/|e|^2 e x (e x w).
+    """
+    s = dot(e, e)
+    first = 1.0 - s * (1 / 6 - s * (1 / 120 - s * (1 / 5040 - s * (1 / 362880))))
+    second = 1 / 2 - s * (1 / 24 - s * (1 / 720 - s * (1 / 40320 - s * (1 / 3628800))))
+    k = 1 / 12 + s * (1 / 720 + s * (1 / 30240 + s * (1 / 1209600 + s * (1 / 47900160))))
+    large = s >= SMALL
+    if some(large):
+        square = select(large, s, 1.0)
+        half = 0.5 * sqrt(square)
+        sine, cosine = sincos(half)
+        first = select(large, sine * cosine / half, first)
+        second = select(large, 2.0 * sine * sine / square, second)
+        # (1 + cos) / sin of the angle is the cotangent of its half, which is finite up to 2 pi.
+        k = select(large, 1.0 / square - cosine / (4.0 * half * sine), k)
+    e_w = cross(e, w)
+    relative = axpy(-second, cross(e, e_w), axpy(-first, e_w, subtract(w_d, w)))
+    e_x = cross(e, relative)
+    return axpy(k, cross(e, e_x), axpy(-0.5, e_x, relative))
+
+
+@kernel
+def start(numbers, chain, estimate):
+    """No integral, and nothing commanded."""
+    none = Spatial(ZERO, ZERO)
+    return BacksteppingMemory(none, none)
+
+
+@kernel
+def command(numbers, chain, estimate, target, memory):
+    """Wrench of (B1) for the acceleration a of the module's text."""
+    gains, w = numbers.gains, estimate.velocity.angular
+    R = rotation_matrix(estimate.pose.attitude)
+    e, rate = pose_error(estimate, target)
+    turning = attitude_derivative(e.angular, w, target.velocity.angular)
+    de = Spatial(rate.linear, turning)
+    feedback = multiply_spatial(gains.rate, add_spatial(rate, memory.integral))
+    feedback = add_spatial(feedback, multiply_spatial(gains.derivative, de))
+    feedback = add_spatial(feedback, multiply_spatial(gains.error, e))
+    a = add_spatial(feedback, target.acceleration)
+
+    body = composite_body(chain)
+    bias = bias_wrench(body, rotate_back(R, w), gravity_in(R, numbers.gravity))
+    bias = rotate_spatial(R, bias)
+    inertial = rotate_spatial(R, inertial_wrench(body, rotate_spatial_back(R, a)))
+    u = add_spatial(inertial, bias)  # (B1)
+    return Command(u, a, bias), BacksteppingMemory(integrated(gains, memory.integral, e), u)
+
+
+@kernel
+def delivered(numbers, chain, estimate, memory, delivery):
+    """L s drained by what was not delivered, where it pushes into the limit.
+
+    (B1) knows where the centre of mass is: what the composite body lacks in acceleration follows
+    from the shortfall at the origin of {A}.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    shortfall = rotate_spatial_back(R, subtract_spatial(delivery.wrench, memory.wrench))
+    missing = rotate_spatial(R, solve_body(composite_body(chain), shortfall))
+    i, a, rate = memory.integral.linear, missing.linear, numbers.drain.linear
+    j, b, turn = memory.integral.angular, missing.angular, numbers.drain.angular
+    integral = Spatial(
+        (
+            released(i[0], a[0], rate[0]),
+            released(i[1], a[1], rate[1]),
+            released(i[2], a[2], rate[2]),
+        ),
+        (
+            released(j[0], b[0], turn[0]),
+            released(j[1], b[1], turn[1]),
+            released(j[2], b[2], turn[2]),
+        ),
+    )
+    return BacksteppingMemory(integral, memory.wrench)
+
+
+class Backstepping(KernelLaw):
     """Backstepping on platform and arm as one rigid body, whose shape follows the arm.
 
     `u_pid` is a, and `u_dc` what (B1) has besides inertia times a.
     """
 
+    name = "backstepping"
     Settings = BacksteppingSettings
     settings: BacksteppingSettings
+    Memory = BacksteppingMemory
+    kernels = LawKernels(start, command, delivered)
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        settings: BacksteppingSettings | None = None,
-        period: float = 0.01,
-        axes: tuple[bool, ...] = ALL_AXES,
-    ) -> None:
-        """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
+    def numbers(self) -> Any:
+        """See `BacksteppingNumbers`."""
         s = self.settings
         mask = np.asarray(self.axes, dtype=float)
-        c1, c2, integral = (
+        c1, c2, of_integral = (
             np.repeat([s.position_gains[k], s.attitude_gains[k]], 3) * mask for k in range(3)
         )
-        # a = ref + C1 de + L e + e + C2 (v_d - v + C1 e + L s); L s is stored as one vector.
-        self._of_error = mask * (1.0 + integral) + c2 * c1
-        self._of_derivative, self._of_rate, self._of_integral = c1, c2, c2
-        self._step = integral * period
-        self._limit = np.repeat(s.integral_limits, 3)
-        self._body = CompositeBody(vehicle)
-        self._model = pose_model()
-        self._attitude = AttitudeView()
-        self._rotation: Array = self._attitude.R_WA
-        self._integral: Array = np.zeros(6)
-        self._error: Array = np.zeros(6)
-        self._derivative: Array = np.zeros(6)
-        self._a_A: Array = np.zeros(6)
-        self._bias_A: Array = np.zeros(6)
-        self._wrench: Array = np.zeros(6)
-
-    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
-        """Empty the integral."""
-        self._integral[:] = 0.0
-        self._wrench[:] = 0.0
-
-    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """Wrench of (B1) for the acceleration a, world axes; see `Controller.wrench`."""
-        q, v, a_W = measurement.q, measurement.v, self.u_pid
-        R = self._attitude.look(q[:7])
-        e = self._error
-        local = pin.difference(self._model, q[:7], reference.pose)
-        e[:3] = local[:3]
-        np.dot(R, local[3:], out=e[3:])
-        velocity = np.dot(v[:6].reshape(2, 3), R.T).ravel()
-        rate = reference.velocity - velocity
-        de = self._derivative
-        de[:3] = rate[:3]
-        self._attitude_derivative(e[3:], velocity[3:], reference.velocity[3:], de[3:])
-
-        np.multiply(self._of_error, e, out=a_W)
-        a_W += self._of_derivative * de
-        a_W += self._of_rate * rate
-        a_W += self._of_integral * self._integral
-        a_W += reference.acceleration
-
-        body, a_A, bias = self._body, self._a_A, self._bias_A
-        body.q[7:] = q[7:]
-        body.bias(R, v[3:6], bias)
-        np.dot(a_W.reshape(2, 3), R, out=a_A.reshape(2, 3))
-        np.dot(bias.reshape(2, 3), R.T, out=self.u_dc.reshape(2, 3))
-        u_A = body.inertia @ a_A
-        np.dot(u_A.reshape(2, 3), R.T, out=self._wrench.reshape(2, 3))
-        self._wrench += self.u_dc
-
-        i = self._integral
-        i += self._step * e
-        np.minimum(i, self._limit, out=i)
-        np.maximum(i, -self._limit, out=i)
-        return self._wrench
-
-    @staticmethod
-    def _attitude_derivative(e: Array, w: Array, w_d: Array, out: Array) -> None:
-        """de/dt of e = log(R_d R^T) for the world angular velocities w and w_d, into `out`.
-
-        R_e w = w + sin|e|/|e| e x w + (1 - cos|e|)/|e|^2 e x (e x w).
-        """
-        square = float(e @ e)
-        angle = sqrt(square)
-        if angle < SMALL_ANGLE:
-            first, second, k = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 12.0 + square / 720.0
-        else:
-            s, c = sin(angle), cos(angle)
-            first, second = s / angle, (1.0 - c) / square
-            # (1 + cos) / sin = sin / (1 - cos), which stays finite up to pi.
-            k = 1.0 / square - s / (2.0 * angle * (1.0 - c))
-        cross = pin.skew(e)
-        e_w = cross @ w
-        relative = w_d - w
-        relative -= first * e_w
-        relative -= second * (cross @ e_w)
-        e_x = cross @ relative
-        np.subtract(relative, 0.5 * e_x, out=out)
-        out += k * (cross @ e_x)
-
-    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
-        """Drain the integral by what was not delivered, where it pushes into the limit.
-
-        (B1) knows where the centre of mass is: what the composite body lacks in acceleration
-        follows from the shortfall at the origin.
-        """
-        R = self._rotation
-        missing_A = ((wrench_W - self._wrench).reshape(2, 3) @ R).ravel()
-        a_A = np.linalg.solve(self._body.inertia, missing_A)
-        missing = (a_A.reshape(2, 3) @ R.T).ravel()
-        i = self._integral
+        of_error = mask * (1.0 + of_integral) + c2 * c1
+        limit = np.repeat(s.integral_limits, 3)
+        gains = np.concatenate([of_error, c1, c2, of_integral * self.period, limit])
         # The integral enters a as C2 L s: let go of it in its own unit.
-        step = np.abs(missing) * (self.settings.anti_windup * self.period)
-        step /= np.maximum(self._of_integral, 1.0)
-        np.minimum(step, np.abs(i), out=step)
-        i -= np.where(i * missing < 0.0, np.sign(i) * step, 0.0)
+        drain = s.anti_windup * self.period / np.maximum(c2, 1.0)
+        return BacksteppingNumbers(
+            record(BacksteppingGains, gains), self.vehicle.gravity, record(Spatial, drain)
+        )

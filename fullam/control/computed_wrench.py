@@ -6,26 +6,43 @@ the root wrench of RNEA at (q, v, [a, ddtheta]). With exact parameters, an exact
 without lag or limits every axis then obeys dde + K_d de + K_p e = 0, alone and whatever the arm
 does: no law can cancel more of the model. Nothing cancels what the model has wrong.
 
-dc-PID with "desired_acceleration" reaches the same wrench through joint 1; a test holds the one to
-the other.
+dc-PID with "desired_acceleration" reaches the same wrench through joint 1; a test holds this law's
+root wrench, which is Pinocchio's, to dc-PID's by the paper's matrix system.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.control.controller import (
-    ALL_AXES,
-    Measurement,
-    ReferencePoint,
-    register,
+from fullam.control.controller import ALL_AXES
+from fullam.control.law import LawKernels
+from fullam.control.pid import (
+    Gains,
+    Limits,
+    PidBase,
+    PidMemory,
+    PidSettings,
+    delivered,
+    integrated,
+    pid,
+    pose_error,
+    start,
+    within_bounds,
 )
-from fullam.control.pid import PidBase, PidSettings
+from fullam.control.signals import Command, Estimate, Target
+from fullam.dynamics.recursion import Chain, JointMotion, root_wrench
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import Spatial, rotate_spatial, rotate_spatial_back
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.kernel import Number, kernel
+from fullam.numbers.records import flat, record
+from fullam.numbers.vectors import rotate_back
 
 Array = NDArray[np.float64]
 
@@ -42,12 +59,78 @@ class ComputedWrenchSettings(PidSettings):
     attitude_gains: tuple[float, float, float] = (30.0, 0.0, 10.0)
 
 
-@register("computed-wrench")
+class ComputedWrenchNumbers(NamedTuple):
+    """Computed wrench as numbers: gains, limits and gravity."""
+
+    gains: Gains
+    limits: Limits
+    gravity: Number
+
+
+@kernel
+def computed_wrench(inverse_dynamics, numbers, chain, estimate, target, memory):
+    """The root wrench at the acceleration that eq. (19) wants; see the module's text.
+
+    Args:
+        inverse_dynamics: (chain, R, w, a, gravity) to the root wrenches at a and at 0, a function.
+        numbers: `ComputedWrenchNumbers`.
+        chain: The nominal vehicle with its arm in motion.
+        estimate: What is told of the platform.
+        target: Where it should be.
+        memory: `PidMemory`.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    e, de = pose_error(estimate, target)
+    u_pid = pid(numbers.gains, e, de, memory.integral, target.acceleration)
+    w = estimate.velocity.angular
+    u, u_dc = inverse_dynamics(chain, R, w, u_pid, numbers.gravity)
+    integral = integrated(numbers.gains, memory.integral, e)
+    u, integral = within_bounds(numbers.limits, R, u, integral)
+    return Command(u, u_pid, u_dc), PidMemory(integral)
+
+
+@kernel
+def command(numbers, chain, estimate, target, memory):
+    """`computed_wrench` on the recursion: what machine code flies."""
+    return computed_wrench(root_wrench, numbers, chain, estimate, target, memory)
+
+
+class RootForce:
+    """The root wrench read from Pinocchio's RNEA: what Python flies."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Own a workspace."""
+        self._model, self._data = vehicle.model, vehicle.create_data()
+        self._q, self._v = vehicle.neutral(), np.zeros(vehicle.model.nv)
+        self._a = np.zeros(vehicle.model.nv)
+
+    def wrenches(
+        self, chain: Chain, R: Any, w: Any, acceleration: Spatial, gravity: float
+    ) -> tuple[Spatial, Spatial]:
+        """Root wrench at an acceleration, and at none; world axes. `chain.joints` are motions."""
+        q, v, a = self._q, self._v, self._a
+        q[3:7] = pin.Quaternion(np.array(R).reshape(3, 3)).coeffs()
+        # Seen from a frame that moves along with {A}, classical and spatial acceleration agree.
+        v[3:6] = rotate_back(R, w)
+        for i, motion in enumerate(chain.joints):
+            q[7 + i], v[6 + i], a[6 + i] = motion
+        wanted = [*flat(rotate_spatial_back(R, acceleration))]
+        return self._wrench(R, wanted), self._wrench(R, np.zeros(6))
+
+    def _wrench(self, R: Any, acceleration: Any) -> Spatial:
+        self._a[:6] = acceleration
+        root = pin.rnea(self._model, self._data, self._q, self._v, self._a)[:6]
+        return rotate_spatial(R, record(Spatial, root))
+
+
 class ComputedWrench(PidBase):
     """Inverse dynamics of the whole vehicle and PD on the pose: the ideal bound."""
 
+    name = "computed-wrench"
     Settings = ComputedWrenchSettings
     settings: ComputedWrenchSettings
+    Memory = PidMemory
+    kernels = LawKernels(start, command, delivered)
 
     def __init__(
         self,
@@ -58,24 +141,18 @@ class ComputedWrench(PidBase):
     ) -> None:
         """Bind the law; see `Controller`."""
         super().__init__(vehicle, settings, period, axes)
-        model = vehicle.model
-        self._model, self._data = model, vehicle.create_data()
-        self._q, self._v, self._a = vehicle.neutral(), np.zeros(model.nv), np.zeros(model.nv)
+        self._root = RootForce(vehicle)
 
-    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """Root wrench for the wanted acceleration, world axes; see `Controller.wrench`."""
-        u_pid = self.law.acceleration(measurement, reference, self.u_pid)
-        q, v, a, R = self._q, self._v, self._a, self.law.rotation
-        q[:] = measurement.q
-        # Seen from a frame that moves along with {A}, classical and spatial acceleration agree.
-        v[3:] = measurement.v[3:]
-        np.dot(u_pid.reshape(2, 3), R, out=a[:6].reshape(2, 3))
-        a[6:] = measurement.arm_acceleration
-        root = pin.rnea(self._model, self._data, q, v, a)[:6]
-        np.dot(root.reshape(2, 3), R.T, out=self._wrench.reshape(2, 3))
-        a[:6] = 0.0
-        bias = pin.rnea(self._model, self._data, q, v, a)[:6]
-        np.dot(bias.reshape(2, 3), R.T, out=self.u_dc.reshape(2, 3))
-        if self._bounded:
-            self._bound()
-        return self._wrench
+    def numbers(self) -> Any:
+        """See `ComputedWrenchNumbers`."""
+        return ComputedWrenchNumbers(self.gains(), self.limits(), self.vehicle.gravity)
+
+    def chain(self, motions: Sequence[JointMotion]) -> Any:
+        """Links, and the motions as they are: Pinocchio places the joints itself."""
+        return Chain(self.links, motions)
+
+    def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
+        answer: tuple[Command, Any] = computed_wrench(
+            self._root.wrenches, self._numbers, chain, estimate, target, self._memory
+        )
+        return answer

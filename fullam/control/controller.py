@@ -1,23 +1,19 @@
 """What every controller is: a law from measurement and reference to a wrench on the platform.
 
 A controller holds the NOMINAL vehicle, never sees a rotor, and returns the wrench in world axes at
-the origin of {A}, force then moment. Controllers register themselves by name, so a command line,
-a campaign or a test can run over all of them.
+the origin of {A}, force then moment. `controllers` has them by name.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import fields
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
-from fullam.registry import Registry
 
 Array = NDArray[np.float64]
 
@@ -65,7 +61,7 @@ class Controller(ABC):
     """A control law on the nominal vehicle.
 
     Attributes:
-        name: The name it is registered under.
+        name: The name it is known under.
         Settings: Frozen dataclass of its settings, all of them JSON values.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
@@ -117,6 +113,13 @@ class Controller(ABC):
         """A copy is a fresh controller: views into workspaces cannot be copied."""
         return type(self), (self.vehicle, self.settings, self.period, self.axes)
 
+    def thrust_lag(self) -> float:
+        """Time constant with which the law sees its wrench follow its command [s].
+
+        The mean lag of the nominal rotors, unless the law does something about it.
+        """
+        return float(self.vehicle.rotors.lags.mean())
+
     @abstractmethod
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
         """Forget the past: integrators to zero, filters to the first measurement."""
@@ -144,70 +147,3 @@ class Controller(ABC):
             wrench_W: Wrench achieved at the origin of {A}, shape (6,) [N, N m].
             missing_W: Achieved minus commanded, the moment about the centre of mass, shape (6,).
         """
-
-
-ControllerType = TypeVar("ControllerType", bound=type[Controller])
-
-_REGISTRY: Registry[type[Controller]] = Registry("controller")
-
-
-def register(name: str) -> Callable[[ControllerType], ControllerType]:
-    """Class decorator: make a controller known under `name`."""
-
-    def add(cls: ControllerType) -> ControllerType:
-        cls.name = name
-        _REGISTRY[name] = cls
-        return cls
-
-    return add
-
-
-def controller_names() -> tuple[str, ...]:
-    """Names of the registered controllers, sorted."""
-    return tuple(sorted(_REGISTRY))
-
-
-def controller_class(name: str) -> type[Controller]:
-    """The class registered under `name`.
-
-    Raises:
-        UnknownName: No such controller; the message lists the known ones.
-    """
-    return _REGISTRY[name]
-
-
-def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
-    """Settings of the controller `name`, its defaults with some of them changed.
-
-    Raises:
-        UnknownName: No such controller.
-        SettingsError: A setting that the controller does not have (the message lists its own), or
-            one of the wrong type.
-    """
-    cls = controller_class(name)
-    known = [f.name for f in fields(cls.Settings)]
-    for key in changes or {}:
-        if key not in known:
-            raise SettingsError(
-                f"controller '{name}'", key, "is no setting of it", f"it has {', '.join(known)}"
-            )
-    try:
-        return cls.Settings(**(changes or {}))
-    except (TypeError, ValueError) as error:
-        raise SettingsError(
-            f"controller '{name}'",
-            "a setting",
-            f"is of the wrong type ({error})",
-            f"see the defaults, {cls.Settings()}",
-        ) from error
-
-
-def make_controller(
-    name: str,
-    vehicle: Vehicle,
-    period: float = 0.01,
-    axes: tuple[bool, ...] = ALL_AXES,
-    **settings: Any,
-) -> Controller:
-    """Build the controller `name` for a nominal vehicle; keywords change its settings."""
-    return controller_class(name)(vehicle, make_settings(name, settings), period, axes)

@@ -1,34 +1,52 @@
-"""Dynamic-compensation PID, eqs. (20) and (26): the paper's controller.
+"""Dynamic-compensation PID, eqs. (19), (20) and (26): the paper's controller.
 
-u = blkdiag(m_A 1, I_A) u_pid + u_dc, where u_dc cancels the platform's gyroscopic moment and
-weight and the wrench (f_1, tau_1) that the arm puts on the platform through joint 1.
+    u = blkdiag(m_A 1, I_A) u_pid + u_dc,
+
+where u_dc cancels the platform's gyroscopic moment and weight and the wrench (f_1, tau_1) that the
+arm puts on the platform through joint 1. The kernels take the compensation as a function: in Python
+it is read from Pinocchio's joint 1 or from the paper's matrix system (`compensation`), in machine
+code it is the paper's recursion.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
-from pinocchio import rnea
-
-from fullam.control.controller import (
-    ALL_AXES,
-    Measurement,
-    ReferencePoint,
-    register,
+from fullam.control.compensation import MODELS, Model, compensation_model
+from fullam.control.controller import ALL_AXES
+from fullam.control.law import LawKernels
+from fullam.control.pid import (
+    Gains,
+    Limits,
+    PidBase,
+    PidMemory,
+    PidSettings,
+    delivered,
+    drained,
+    integrated,
+    pid,
+    pose_error,
+    start,
+    within_bounds,
 )
-from fullam.control.pid import PidBase, PidSettings
-from fullam.dynamics.multibody import Multibody
-from fullam.dynamics.paper_model import PaperModel
+from fullam.control.signals import Command, Estimate, Target
+from fullam.dynamics.recursion import compensation as recursive_compensation
+from fullam.dynamics.recursion import platform_acceleration as recursive_acceleration
+from fullam.dynamics.recursion import platform_wrench
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import (
+    Spatial,
+    add_spatial,
+    rotate_spatial,
+    rotate_spatial_back,
+    subtract_spatial,
+)
 from fullam.model.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from fullam.numbers.kernel import Number, kernel, select
+from fullam.numbers.vectors import ZERO
 
 COMPENSATIONS = ("desired_acceleration", "previous_wrench")
-MODELS = ("pinocchio", "newton-euler")
 
 
 @dataclass(frozen=True)
@@ -43,11 +61,13 @@ class DcPidSettings(PidSettings):
             mass and inertia. Where that share is near one (hextilt: a heavy arm under a light
             platform) it settles slower than the flight moves; choose the first there.
         rounds: Solutions of eq. (21) per period with "previous_wrench"; the paper has one.
-        model: What yields f_1, tau_1: "pinocchio" or the paper's own "newton-euler" matrix solve.
+        model: What yields f_1, tau_1 where Python flies: Pinocchio's joint 1 ("pinocchio"), the
+            paper's matrix system ("newton-euler") or its recursion ("recursion"). Machine code
+            always flies the recursion; all three agree to rounding.
     """
 
     compensation: Literal["desired_acceleration", "previous_wrench"] = "desired_acceleration"
-    model: Literal["pinocchio", "newton-euler"] = "pinocchio"
+    model: Literal["pinocchio", "newton-euler", "recursion"] = "pinocchio"
     rounds: int = 3
 
     def __post_init__(self) -> None:
@@ -55,80 +75,131 @@ class DcPidSettings(PidSettings):
         super().__post_init__()
         if not (isinstance(self.rounds, int) and self.rounds >= 1):
             raise self._wrong("rounds", "give a whole number, 1 or more")
-        for field, known in (("compensation", COMPENSATIONS), ("model", MODELS)):
+        for field, known in (("compensation", COMPENSATIONS), ("model", tuple(MODELS))):
             if getattr(self, field) not in known:
                 raise self._wrong(field, f"give one of {', '.join(known)}")
 
 
-class JointOneCompensation:
-    """u_dc of eq. (20) read from Pinocchio's spatial force at arm joint 1.
+class DcPidNumbers(NamedTuple):
+    """dc-PID as numbers: gains, limits, gravity, and solutions of eq. (21) a period."""
 
-    RNEA at (q, v, [a_A, ddtheta]) leaves the force of the platform on link 1 in `data.f`. Carried
-    to {A} and joined by the platform's own weight and gyroscopic terms it is, at the origin of
-    {A} and in its axes,
+    gains: Gains
+    limits: Limits
+    gravity: Number
+    rounds: Number
 
-        u_dc = [f_1 - m_A g + m_A w x (w x c);
-                tau_1 + r x f_1 + w x I_A w - m_A c x g]
 
-    with the platform's mass m_A, centre of mass c and inertia I_A about the origin of {A}. For
-    c = 0 this is eq. (20) with its erratum. Adding M_A a_A, the platform's own 6 x 6 inertia times
-    the wanted acceleration, gives the wrench of eq. (26).
+class PreviousMemory(NamedTuple):
+    """Memory of "previous_wrench".
 
-    Velocity invariance saves the conversion of accelerations: with the linear velocity of {A} set
-    to zero (a frame moving along), spatial and classical acceleration are the same numbers.
+    The integrator; the wrench applied last, and the share that its u_pid had in it, {A} axes; and
+    1 once there is one, else 0.
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        """Take the views of Pinocchio's data once: fetching one costs as much as a product."""
-        model = vehicle.model
-        self.model, self.data = model, vehicle.create_data()
-        self.q: Array = vehicle.neutral()
-        self.v: Array = np.zeros(model.nv)
-        self.a: Array = np.zeros(model.nv)
-        self.platform: Array = np.array(model.inertias[1].matrix())
-        self.platform.setflags(write=False)
-        self._gravity = np.array(model.gravity.linear)
-        self._mass_lever = model.inertias[1].mass * np.array(model.inertias[1].lever)
-        self._rotational = self.platform[3:, 3:].copy()
-        self._mass = model.inertias[1].mass
-        self._has_arm = model.njoints > 2
-        if self._has_arm:
-            placement = model.jointPlacements[2].translation
-            self._lever = np.array(pin.skew(placement))
-            self._force_1 = self.data.f[2].vector.reshape(2, 3)
-            self._R_A1 = self.data.liMi[2].rotation
-
-    def wrench(self, R_WA: Array, out: Array) -> Array:
-        """u_dc in {A} axes at the origin of {A} for the q, v, a in this object's buffers.
-
-        Args:
-            R_WA: Attitude of {A} that belongs to q, shape (3, 3).
-            out: Where to write it, shape (6,) [N, N m].
-
-        `v[:3]` must be zero and `a[:3]` is the classical acceleration of the origin
-        of {A} in {A} axes.
-        """
-        pin.rnea(self.model, self.data, self.q, self.v, self.a)
-        w = self.v[3:6]
-        g_A = self._gravity @ R_WA
-        spin = pin.skew(w)
-        out[:3] = spin @ (spin @ self._mass_lever) - self._mass * g_A
-        out[3:] = spin @ (self._rotational @ w) - pin.skew(self._mass_lever) @ g_A
-        if self._has_arm:
-            force, moment = self._force_1 @ self._R_A1.T
-            out[:3] += force
-            out[3:] += moment + self._lever @ force
-        return out
+    integral: Spatial
+    at_hand: Spatial
+    inertial: Spatial
+    has_hand: Number
 
 
-@register("dc-pid")
+@kernel
+def dc_pid(compensation, numbers, chain, estimate, target, memory):
+    """Eq. (26) with u_pid in the platform's rows of (20): exact, no algebraic loop.
+
+    Args:
+        compensation: u_dc of eq. (20), a function; see `fullam.control.compensation`.
+        numbers: `DcPidNumbers`.
+        chain: The nominal vehicle with its arm in motion.
+        estimate: What is told of the platform.
+        target: Where it should be.
+        memory: `PidMemory`.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    e, de = pose_error(estimate, target)
+    w, g = estimate.velocity.angular, numbers.gravity
+    u_pid = pid(numbers.gains, e, de, memory.integral, target.acceleration)  # (19)
+    u_dc = compensation(chain, R, w, u_pid, g)  # (20)
+    u = add_spatial(platform_wrench(chain, R, u_pid), u_dc)  # (26)
+    integral = integrated(numbers.gains, memory.integral, e)
+    u, integral = within_bounds(numbers.limits, R, u, integral)
+    return Command(u, u_pid, u_dc), PidMemory(integral)
+
+
+@kernel
+def dc_pid_previous(compensation, acceleration, numbers, chain, estimate, target, memory):
+    """Eq. (26) as the paper has it: (21) solved with the wrench at hand, `rounds` times.
+
+    At hand is the wrench applied last with this period's u_pid in the place of the last one's; the
+    first period has none and uses u_pid. Arguments as in `dc_pid`, and `acceleration`, eq. (21).
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    e, de = pose_error(estimate, target)
+    w, g = estimate.velocity.angular, numbers.gravity
+    u_pid = pid(numbers.gains, e, de, memory.integral, target.acceleration)  # (19)
+    inertial = platform_wrench(chain, R, u_pid)
+    kept = rotate_spatial(R, subtract_spatial(memory.at_hand, memory.inertial))
+    known = memory.has_hand > 0.0
+    given = select(known, acceleration(chain, R, w, add_spatial(kept, inertial), g), u_pid)  # (21)
+    u_dc = compensation(chain, R, w, given, g)  # (20)
+    for _ in range(1, int(numbers.rounds)):
+        again = acceleration(chain, R, w, add_spatial(inertial, u_dc), g)
+        u_dc = compensation(chain, R, w, select(known, again, u_pid), g)
+    u = add_spatial(inertial, u_dc)  # (26)
+    integral = integrated(numbers.gains, memory.integral, e)
+    u, integral = within_bounds(numbers.limits, R, u, integral)
+    at_hand, share = rotate_spatial_back(R, u), rotate_spatial_back(R, inertial)
+    return Command(u, u_pid, u_dc), PreviousMemory(integral, at_hand, share, 1.0)
+
+
+@kernel
+def start_previous(numbers, chain, estimate):
+    """An empty integrator, and no wrench at hand."""
+    none = Spatial(ZERO, ZERO)
+    return PreviousMemory(none, none, none, 0.0)
+
+
+@kernel
+def delivered_previous(numbers, chain, estimate, memory, delivery):
+    """Anti-windup, and the wrench that (21) will be solved with."""
+    R = rotation_matrix(estimate.pose.attitude)
+    integral = drained(numbers.limits, memory.integral, R, delivery.missing)
+    at_hand = rotate_spatial_back(R, delivery.wrench)
+    return PreviousMemory(integral, at_hand, memory.inertial, memory.has_hand)
+
+
+# What machine code flies: the same on the recursion (6)-(13).
+
+
+@kernel
+def command(numbers, chain, estimate, target, memory):
+    """`dc_pid` on the recursion."""
+    return dc_pid(recursive_compensation, numbers, chain, estimate, target, memory)
+
+
+@kernel
+def command_previous(numbers, chain, estimate, target, memory):
+    """`dc_pid_previous` on the recursion."""
+    return dc_pid_previous(
+        recursive_compensation,
+        recursive_acceleration,
+        numbers,
+        chain,
+        estimate,
+        target,
+        memory,
+    )
+
+
 class DcPid(PidBase):
-    """The paper's dc-PID, eq. (26): PID and the arm's wrench fed forward."""
+    """The paper's dc-PID, eq. (26): PID and the arm's wrench fed forward.
 
+    Attributes:
+        model: What yields u_dc where Python flies; see `compensation`.
+    """
+
+    name = "dc-pid"
     Settings = DcPidSettings
     settings: DcPidSettings
-    _u_dc: Array
-    _u_dc_is_due: bool = False
 
     def __init__(
         self,
@@ -139,124 +210,47 @@ class DcPid(PidBase):
     ) -> None:
         """Bind the law; see `Controller`."""
         super().__init__(vehicle, settings, period, axes)
-        self._joint_one = JointOneCompensation(vehicle)
-        self._multibody = Multibody(vehicle)
-        self._paper = PaperModel(vehicle) if self.settings.model == "newton-euler" else None
-        self._previous = self.settings.compensation == "previous_wrench"
-        self._at_hand_A: Array | None = None
-        self._at_root = not self._previous and self._paper is None
-        engine = self._joint_one
-        self._a_A: Array = engine.a[:6]  # u_pid goes straight into the input of RNEA
-        self._a_A_rows = self._a_A.reshape(2, 3)
-        self._root_A: Array = engine.data.tau[:6]
-        self._root_A_rows = self._root_A.reshape(2, 3)
-        self._u_dc_A: Array = np.zeros(6)
-        self._u_dc_A_rows = self._u_dc_A.reshape(2, 3)
-        self._u_pid_rows, self._u_dc_rows = self.u_pid.reshape(2, 3), self.u_dc.reshape(2, 3)
-        self._wrench_rows = self._wrench.reshape(2, 3)
-        self._R_AW = self.law.rotation.T
-        self._inertial_A: Array = np.zeros(6)
-
-    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
-        """Empty the integrator and forget the wrench applied last."""
-        super().reset(measurement, reference)
-        self._at_hand_A = None
-
-    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """Wrench u of eq. (26), world axes at the origin of {A}; see `Controller.wrench`."""
-        self.law.acceleration(measurement, reference, self.u_pid)
-        if self._at_root:
-            return self._root_wrench(measurement)
-        a_W, R, u, a_A = self.u_pid, self.law.rotation, self._wrench, self._a_A
-        platform = self._joint_one.platform
-        if self._at_hand_A is not None:
-            # The wrench applied last, with this period's u_pid in the place of the last one's.
-            self._at_hand_A -= platform @ a_A
-        np.dot(a_W.reshape(2, 3), R, out=a_A.reshape(2, 3))
-        inertial_A = platform @ a_A
-        if self._at_hand_A is not None:
-            self._at_hand_A += inertial_A
-        u_dc_A = self._compensation(measurement)
-        if self._at_hand_A is not None:
-            for _ in range(self.settings.rounds - 1):
-                np.add(inertial_A, u_dc_A, out=self._at_hand_A)
-                u_dc_A = self._compensation(measurement)
-        inertial_A += u_dc_A
-        np.dot(inertial_A.reshape(2, 3), R.T, out=u.reshape(2, 3))
-        np.dot(u_dc_A.reshape(2, 3), R.T, out=self.u_dc.reshape(2, 3))
-        if self._bounded:
-            self._bound()
-        if self._previous:
-            self._at_hand_A = np.dot(u.reshape(2, 3), R).ravel()
-        return u
+        self.model: Model = compensation_model(self.settings.model, vehicle, self.links)
 
     @property
-    def u_dc(self) -> Array:
-        """Compensation of the last tick, world axes, (6,), live; made when it is asked for."""
-        if self._u_dc_is_due:
-            self._joint_one.platform.dot(self._a_A, self._inertial_A)
-            np.subtract(self._root_A, self._inertial_A, self._u_dc_A)
-            self._u_dc_A_rows.dot(self._R_AW, self._u_dc_rows)
-            self._u_dc_is_due = False
-        return self._u_dc
+    def previous(self) -> bool:
+        """Whether (21) is solved with the wrench applied last."""
+        return self.settings.compensation == "previous_wrench"
 
-    @u_dc.setter
-    def u_dc(self, buffer: Array) -> None:
-        self._u_dc = buffer
-        self._u_dc_is_due = False
+    @property
+    def Memory(self) -> type:  # type: ignore[override]
+        """What the law remembers."""
+        return PreviousMemory if self.previous else PidMemory
 
-    def _root_wrench(self, m: Measurement) -> Array:
-        """Wrench u of eq. (26) as the root's generalised force: the same sum, read at its end.
+    @property
+    def kernels(self) -> LawKernels:
+        """See `KernelLaw`."""
+        if self.previous:
+            return LawKernels(start_previous, command_previous, delivered_previous)
+        return LawKernels(start, command, delivered)
 
-        RNEA adds the platform's own share to the arm's on its way to the root, so blkdiag(m_A 1,
-        I_A) u_pid + u_dc is what it leaves in `tau[:6]`, and u_dc the difference of the two.
-        `JointOneCompensation` reads u_dc at joint 1, as eq. (20) has it; a test holds the one to
-        the other.
-        """
-        engine = self._joint_one
-        self._u_pid_rows.dot(self.law.rotation, self._a_A_rows)
-        engine.v[3:] = m.v[3:]
-        engine.a[6:] = m.arm_acceleration
-        rnea(engine.model, engine.data, m.q, engine.v, engine.a)
-        self._root_A_rows.dot(self._R_AW, self._wrench_rows)
-        self._u_dc_is_due = True
-        if self._bounded:
-            self._bound()
-        return self._wrench
+    def numbers(self) -> Any:
+        """See `DcPidNumbers`."""
+        rounds = float(self.settings.rounds)
+        return DcPidNumbers(self.gains(), self.limits(), self.vehicle.gravity, rounds)
 
-    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
-        """Anti-windup, and the wrench that "previous_wrench" will solve eq. (21) with."""
-        super().delivered(wrench_W, missing_W)
-        if self._previous:
-            self._at_hand_A = np.dot(wrench_W.reshape(2, 3), self.law.rotation).ravel()
+    def chain(self, motions: Any) -> Any:
+        """The nominal vehicle as the model wants to see it."""
+        return self.model.chain(motions)
 
-    def _compensation(self, m: Measurement) -> Array:
-        """u_dc in {A} axes; the first period has no wrench at hand and uses u_pid."""
-        if self._paper is not None:
-            return self._paper_compensation(self._paper, m)
-        engine = self._joint_one
-        engine.q[:] = m.q
-        engine.v[3:] = m.v[3:]
-        engine.a[6:] = m.arm_acceleration
-        if self._at_hand_A is None:
-            return engine.wrench(self.law.rotation, self._u_dc_A)
-        wanted = self._a_A.copy()
-        self._a_A[:] = self._multibody.base_acceleration(
-            engine.q, engine.v, m.arm_acceleration, self._at_hand_A
-        )
-        u_dc_A = engine.wrench(self.law.rotation, self._u_dc_A)
-        self._a_A[:] = wanted
-        return u_dc_A
+    def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
+        return self.nominal(self._numbers, chain, estimate, target, self._memory)
 
-    def _paper_compensation(self, paper: PaperModel, m: Measurement) -> Array:
-        """u_dc in {A} axes by the paper's matrix system, eqs. (20)-(25)."""
-        R = self.law.rotation
-        at_hand = self._at_hand_A
-        u_dc_W = paper.compensation(
-            m.q,
-            m.v,
-            m.arm_acceleration,
-            acceleration_W=self.u_pid if at_hand is None else None,
-            wrench_W=None if at_hand is None else (at_hand.reshape(2, 3) @ R.T).ravel(),
-        )
-        return np.dot(u_dc_W.reshape(2, 3), R).ravel()
+    def nominal(
+        self, numbers: Any, chain: Any, estimate: Estimate, target: Target, memory: Any
+    ) -> tuple[Command, Any]:
+        """Eq. (26) on this law's model; arguments as in `dc_pid`."""
+        answer: tuple[Command, Any]
+        compensation, acceleration = self.model.compensation, self.model.acceleration
+        if self.previous:
+            answer = dc_pid_previous(
+                compensation, acceleration, numbers, chain, estimate, target, memory
+            )
+        else:
+            answer = dc_pid(compensation, numbers, chain, estimate, target, memory)
+        return answer

@@ -25,22 +25,59 @@ dc-PID.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.control.caution import Caution
-from fullam.control.controller import (
-    ALL_AXES,
-    Measurement,
-    ReferencePoint,
-    register,
+from fullam.control.caution import (
+    CautionMemory,
+    CautionNumbers,
+    caution_factors,
+    caution_numbers,
+    felt,
+    trusted,
 )
-from fullam.control.dc_pid import DcPid, DcPidSettings
-from fullam.control.wrench_observer import WrenchObserver
+from fullam.control.dc_pid import (
+    DcPid,
+    DcPidNumbers,
+    DcPidSettings,
+    PidMemory,
+    PreviousMemory,
+)
+from fullam.control.dc_pid import command as command_dc_pid
+from fullam.control.dc_pid import command_previous as command_previous_dc_pid
+from fullam.control.dc_pid import delivered_previous as delivered_previous_dc_pid
+from fullam.control.dc_pid import start_previous as start_previous_dc_pid
+from fullam.control.law import KernelLaw, LawKernels
+from fullam.control.pid import Gains, Limits, bounded
+from fullam.control.pid import delivered as delivered_dc_pid
+from fullam.control.pid import start as start_dc_pid
+from fullam.control.signals import Command, Delivery, Estimate, Target
+from fullam.control.wrench_observer import (
+    ObserverMemory,
+    ObserverNumbers,
+    asked,
+    nothing_observed,
+    observed,
+    observer_numbers,
+)
+from fullam.dynamics.recursion import JointMotion
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import (
+    Spatial,
+    add_spatial,
+    multiply_spatial,
+    rotate_spatial,
+    rotate_spatial_back,
+    subtract_spatial,
+)
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.kernel import Number, kernel, select, some, sqrt
+from fullam.numbers.records import flat, record
+from fullam.numbers.vectors import ZERO, Vector, add, cross, dot, scale
 
 Array = NDArray[np.float64]
 
@@ -87,96 +124,278 @@ class DcPidPlusSettings(DcPidSettings):
         return self.wrench_lag(vehicle) / self.actuation_speedup
 
 
-@register("dc-pid-plus")
-class DcPidPlus(DcPid):
-    """dc-PID with a wrench observer in place of integral action, and a lead on the rotors.
+class DcPidPlusNumbers(NamedTuple):
+    """dc-PID+ as numbers.
 
-    Attributes:
-        observer: The observer; its `wrench` is d.
+    dc-PID without bounds; bounds of the total; observer and caution; 1 on axes that are controlled;
+    what the lead asks for beyond the wrench, per gap; and how far ahead of a command the platform
+    will have turned when the rotors follow it [s].
     """
 
+    nominal: DcPidNumbers
+    limits: Limits
+    observer: ObserverNumbers
+    caution: CautionNumbers
+    controlled: Spatial
+    lead: Spatial
+    turn_ahead: Number
+
+
+class Beside(NamedTuple):
+    """What dc-PID+ remembers beside dc-PID.
+
+    Observer and caution; dc-PID's wrench less the total; how far the platform will have turned when
+    the rotors follow, a rotation vector; and 1 before the first period, else 0.
+    """
+
+    observer: ObserverMemory
+    caution: CautionMemory
+    difference: Spatial
+    turn: Vector
+    fresh: Number
+
+
+class PlusMemory(NamedTuple):
+    """dc-PID's memory, and what is beside it."""
+
+    nominal: PidMemory
+    beside: Beside
+
+
+class PlusPreviousMemory(NamedTuple):
+    """The same with "previous_wrench"."""
+
+    nominal: PreviousMemory
+    beside: Beside
+
+
+@kernel
+def paced(numbers, factors):
+    """dc-PID slowed down: K_d by f^(1/4) and K_p by its square, as if all rates were."""
+    gains = numbers.gains
+    linear, angular = sqrt(factors.linear), sqrt(factors.angular)
+    k_p = Spatial(
+        scale(linear, gains.proportional.linear), scale(angular, gains.proportional.angular)
+    )
+    k_d = Spatial(
+        scale(sqrt(linear), gains.derivative.linear), scale(sqrt(angular), gains.derivative.angular)
+    )
+    slowed = Gains(k_p, k_d, gains.integral, gains.limit)
+    return DcPidNumbers(slowed, numbers.limits, numbers.gravity, numbers.rounds)
+
+
+@kernel
+def turned_on(wrench, turn):
+    """A wrench turned with the platform by a small rotation vector: on, or back by its opposite.
+
+    With `anticipate` a command is turned to {A} by the attitude that the reference has one lag
+    ahead, so what is fixed to the rotors is turned on before, and back after.
+    """
+    force, moment = wrench.linear, wrench.angular
+    return Spatial(add(force, cross(turn, force)), add(moment, cross(turn, moment)))
+
+
+@kernel
+def in_rotors(R, wrench, turn):
+    """What is asked from the rotors, {A} axes, by a wrench in world axes."""
+    return rotate_spatial_back(R, turned_on(wrench, scale(-1.0, turn)))
+
+
+@kernel
+def perceived(numbers, chain, estimate, R, beside):
+    """Caution and observer after this period's estimate; the first they have begun with."""
+    first = beside.fresh > 0.0
+    body_velocity = rotate_spatial_back(R, estimate.velocity)
+    caution = felt(numbers.caution, beside.caution, body_velocity)
+    caution = select(first, beside.caution, caution)
+    factors = caution_factors(numbers.caution, caution.roughness)
+    observer = observed(numbers.observer, factors, chain, estimate, beside.observer)
+    return caution, factors, select(first, beside.observer, observer)
+
+
+@kernel
+def dc_pid_plus(law, delivered, numbers, chain, estimate, target, memory):
+    """dc-PID less the observed wrench, and a lead; see the module's text.
+
+    Args:
+        law: The kernel `command` of dc-PID, a function.
+        delivered: Its kernel `delivered`.
+        numbers: `DcPidPlusNumbers`.
+        chain: The nominal vehicle with its arm in motion.
+        estimate: What is told of the platform.
+        target: Where it should be.
+        memory: `PlusMemory` or `PlusPreviousMemory`.
+
+    Returns:
+        The command, and the two parts of the memory.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    caution, factors, observer = perceived(numbers, chain, estimate, R, memory.beside)
+    of_dc_pid = paced(numbers.nominal, factors)
+    command, nominal = law(of_dc_pid, chain, estimate, target, memory.nominal)
+    d = multiply_spatial(numbers.controlled, observer.wrench)
+    u = subtract_spatial(command.wrench, d)
+
+    turn = scale(numbers.turn_ahead, target.velocity.angular)
+    actual = turned_on(rotate_spatial(R, observer.actual), turn)
+    gap = multiply_spatial(numbers.lead, subtract_spatial(u, actual))
+    lead = Spatial(scale(factors.linear, gap.linear), scale(factors.angular, gap.angular))
+    u = add_spatial(u, lead)
+    difference = subtract_spatial(command.wrench, u)
+
+    within = bounded(numbers.limits, u)
+    missing = subtract_spatial(within, u)
+    cut = dot(missing.linear, missing.linear) + dot(missing.angular, missing.angular) > 0.0
+    if some(cut):
+        delivery = Delivery(add_spatial(within, difference), missing, 1.0)
+        after = delivered(of_dc_pid, chain, estimate, nominal, delivery)
+        nominal = select(cut, after, nominal)
+    observer = asked(observer, in_rotors(R, within, turn))
+    beside = Beside(observer, caution, difference, turn, 0.0)
+    return Command(within, command.u_pid, command.u_dc), nominal, beside
+
+
+@kernel
+def inform(delivered, numbers, chain, estimate, memory, delivery):
+    """The observer told what the rotors were asked for, and dc-PID what of it was its own."""
+    b = memory.beside
+    R = rotation_matrix(estimate.pose.attitude)
+    observer = asked(b.observer, in_rotors(R, delivery.wrench, b.turn))
+    own = add_spatial(delivery.wrench, b.difference)
+    share = Delivery(own, delivery.missing, delivery.saturated)
+    nominal = delivered(numbers.nominal, chain, estimate, memory.nominal, share)
+    return nominal, Beside(observer, b.caution, b.difference, b.turn, b.fresh)
+
+
+@kernel
+def start_beside(numbers, chain, estimate):
+    """Nothing unexplained, nothing against the estimate."""
+    R = rotation_matrix(estimate.pose.attitude)
+    observer = nothing_observed(numbers.observer, chain, estimate)
+    caution = trusted(rotate_spatial_back(R, estimate.velocity))
+    return Beside(observer, caution, Spatial(ZERO, ZERO), ZERO, 1.0)
+
+
+# What machine code flies: dc-PID's kernels inside, for either way to cut the algebraic loop.
+
+
+@kernel
+def start(numbers, chain, estimate):
+    """Memory of the first period."""
+    nominal = start_dc_pid(numbers.nominal, chain, estimate)
+    return PlusMemory(nominal, start_beside(numbers, chain, estimate))
+
+
+@kernel
+def command(numbers, chain, estimate, target, memory):
+    """`dc_pid_plus` on the recursion."""
+    answer, nominal, beside = dc_pid_plus(
+        command_dc_pid, delivered_dc_pid, numbers, chain, estimate, target, memory
+    )
+    return answer, PlusMemory(nominal, beside)
+
+
+@kernel
+def delivered(numbers, chain, estimate, memory, delivery):
+    """The memory after a command that could not be delivered."""
+    nominal, beside = inform(delivered_dc_pid, numbers, chain, estimate, memory, delivery)
+    return PlusMemory(nominal, beside)
+
+
+@kernel
+def start_previous(numbers, chain, estimate):
+    """Memory of the first period."""
+    nominal = start_previous_dc_pid(numbers.nominal, chain, estimate)
+    return PlusPreviousMemory(nominal, start_beside(numbers, chain, estimate))
+
+
+@kernel
+def command_previous(numbers, chain, estimate, target, memory):
+    """`dc_pid_plus` on `dc_pid_previous`."""
+    answer, nominal, beside = dc_pid_plus(
+        command_previous_dc_pid, delivered_previous_dc_pid, numbers, chain, estimate, target, memory
+    )
+    return answer, PlusPreviousMemory(nominal, beside)
+
+
+@kernel
+def delivered_previous(numbers, chain, estimate, memory, delivery):
+    """The memory after a command that could not be delivered."""
+    of_dc_pid = delivered_previous_dc_pid
+    nominal, beside = inform(of_dc_pid, numbers, chain, estimate, memory, delivery)
+    return PlusPreviousMemory(nominal, beside)
+
+
+class BothChains(NamedTuple):
+    """The nominal vehicle as the observer's recursion and as dc-PID's model want to see it."""
+
+    links: Any
+    joints: Any
+    of_model: Any
+
+
+class DcPidPlus(DcPid):
+    """dc-PID with a wrench observer in place of integral action, and a lead on the rotors."""
+
+    name = "dc-pid-plus"
     Settings = DcPidPlusSettings
     settings: DcPidPlusSettings
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        settings: DcPidPlusSettings | None = None,
-        period: float = 0.01,
-        axes: tuple[bool, ...] = ALL_AXES,
-    ) -> None:
-        """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
-        lag, led = self.settings.wrench_lag(vehicle), self.settings.thrust_lag(vehicle)
-        self.observer = WrenchObserver(vehicle, period, self.settings.observer_rates, lag)
-        self._caution = Caution(period, self.settings.roughness_limits)
-        self._gains = self.law.gains.copy()
-        self._mask = np.asarray(self.axes, dtype=float)
-        self._lead: Array = np.zeros(6)
-        self._turn_ahead = led + 0.5 * period if self.settings.anticipate else 0.0
-        self._w_ref: Array = np.zeros(3)
-        self._beside: Array = np.zeros(6)
-        self._total: Array = np.zeros(6)
-        self._fresh = True
+    @property
+    def Memory(self) -> type:  # type: ignore[override]
+        """What the law remembers."""
+        return PlusPreviousMemory if self.previous else PlusMemory
+
+    @property
+    def kernels(self) -> LawKernels:
+        """See `KernelLaw`."""
+        if self.previous:
+            return LawKernels(start_previous, command_previous, delivered_previous)
+        return LawKernels(start, command, delivered)
+
+    def numbers(self) -> Any:
+        """See `DcPidPlusNumbers`."""
+        s, period = self.settings, self.period
+        nominal = super().numbers()
+        total = nominal.limits
         # What is bounded is the wrench less the observed one, not dc-PID's share of it.
-        self._bounds_total, self._bounded = self._bounded, False
+        without = record(Spatial, np.full(6, np.inf))
+        below = record(Spatial, np.full(6, -np.inf))
+        controlled = np.asarray(self.axes, dtype=float)
+        return DcPidPlusNumbers(
+            nominal._replace(limits=total._replace(lower=below, upper=without)),
+            total,
+            observer_numbers(self.vehicle, period, s.observer_rates, self.wrench_lag()),
+            caution_numbers(period, s.roughness_limits),
+            record(Spatial, controlled),
+            record(Spatial, controlled * (s.actuation_speedup - 1.0)),
+            self.thrust_lag() + 0.5 * period if s.anticipate else 0.0,
+        )
 
-    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
-        """Start with nothing unexplained."""
-        super().reset(measurement, reference)
-        self.observer.reset(measurement)
-        self._fresh = True
-        self._caution.reset(measurement.v[:6])
-        self._pace()
+    def wrench_lag(self) -> float:
+        """Time constant with which the wrench follows its command [s]."""
+        return self.settings.wrench_lag(self.vehicle)
 
-    def _pace(self) -> None:
-        """Slow down by the caution's factors: the observer and the lead by f, the PD by f^(1/4).
+    def thrust_lag(self) -> float:
+        """The same as the lead makes it appear; see `Controller.thrust_lag`."""
+        return self.wrench_lag() / self.settings.actuation_speedup
 
-        Rates of the PD times f^(1/4) are K_d times that and K_p times its square.
-        """
-        f = np.repeat(self._caution.factors, 3)
-        self.observer.slow_down(f)
-        np.multiply(self._mask * (self.settings.actuation_speedup - 1.0), f, out=self._lead)
-        K_p, K_d = self._gains[:, :6], self._gains[:, 12:]
-        root = np.sqrt(f)
-        np.multiply(K_p, root, out=self.law.gains[:, :6])
-        np.multiply(K_d, np.sqrt(root), out=self.law.gains[:, 12:])
+    @property
+    def observed_wrench(self) -> Array:
+        """The observed wrench d of the last period, world axes, shape (6,) [N, N m]."""
+        return np.array([*flat(self._memory.beside.observer.wrench)])
 
-    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """Wrench of dc-PID less the observed one, world axes; see `Controller.wrench`."""
-        if self._fresh:  # the observer was reset with this very measurement
-            self._fresh = False
-        else:
-            if self._caution.update(measurement.v[:6]):
-                self._pace()
-            self.observer.update(measurement)
-        u, d = self._total, self.observer.wrench
-        nominal = super().wrench(t, measurement, reference)
-        np.subtract(nominal, self._mask * d, out=u)
-        self._w_ref[:] = reference.velocity[3:]
-        u += self._lead * (u - self._ahead(self.observer.actual(), 1.0))
-        np.subtract(nominal, u, out=self._beside)
-        if self._bounds_total:
-            asked = u.copy()
-            np.minimum(u, self._upper, out=u)
-            np.maximum(u, self._lower, out=u)
-            if not np.array_equal(asked, u):
-                self.delivered(u, u - asked)
-        self.observer.applied(self._ahead(u, -1.0))
-        return u
+    def chain(self, motions: Sequence[JointMotion]) -> Any:
+        """The nominal vehicle, as the observer and as dc-PID's model want to see it."""
+        placed = KernelLaw.chain(self, motions)
+        return BothChains(placed.links, placed.joints, self.model.chain(motions))
 
-    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
-        """Tell the observer what the rotors were asked for, and dc-PID what of it was its own."""
-        self.observer.applied(self._ahead(wrench_W, -1.0))
-        super().delivered(wrench_W + self._beside, missing_W)
+    def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
+        def law(numbers: Any, _: Any, estimate: Any, target: Any, memory: Any) -> Any:
+            return self.nominal(numbers, chain.of_model, estimate, target, memory)
 
-    def _ahead(self, wrench_W: Array, sign: float) -> Array:
-        """Turn a wrench with the platform on to when the rotors follow (+1), or back (-1).
-
-        With `anticipate` a command is turned to {A} by the attitude that the reference has one lag
-        ahead, so what is fixed to the rotors is turned on before, and back after.
-        """
-        if not (self._turn_ahead and self._w_ref.any()):
-            return wrench_W
-        turn = pin.skew(self._w_ref * (sign * self._turn_ahead))
-        return wrench_W + (wrench_W.reshape(2, 3) @ turn.T).ravel()
+        of_dc_pid = delivered_previous_dc_pid if self.previous else delivered_dc_pid
+        answer, *memory = dc_pid_plus(
+            law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
+        )
+        return answer, self.Memory(*memory)

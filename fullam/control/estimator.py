@@ -1,54 +1,62 @@
-"""From what the sensors read to what the controller is told.
+"""From what the sensors read to what the law is told.
 
-An estimator turns `Readings` into the platform's pose and velocity in a `Measurement`. The arm's
+An estimator turns `Readings` into an `Estimate` of the platform's pose and velocity. The arm's
 angles, rates and accelerations are known inputs (the servos are position controlled) and pass by
-it. Estimators register themselves by name, as controllers do.
+it. Those that come with fullam are kernels, flown by Python, by machine code and eight flights at a
+time; anybody's own is a subclass of `Estimator`, in numpy if one likes. `estimators` has the names.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.controller import Measurement
-from fullam.control.filters import FirstOrderPoseFilter
-from fullam.dynamics.pose_space import IDENTITY, AttitudeView
+from fullam.control.signals import Estimate
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial_back
 from fullam.exceptions import SettingsError
-from fullam.registry import Registry
+from fullam.numbers.kernel import kernel
+from fullam.numbers.program import Lists, Stage, program
+from fullam.numbers.records import Rows, flat
+from fullam.numbers.vectors import Vector
 
 Array = NDArray[np.float64]
+Function = Callable[..., Any]
 
 
-class Readings:
-    """What the sensors deliver in one control period, rewritten in place.
+class Readings(NamedTuple):
+    """What the sensors deliver in one control period.
 
-    Attributes:
-        pose: Noisy pose [p, quaternion xyzw], shape (7,).
-        pose_is_new: Whether the pose was taken in this period (its sensor may be slower).
-        gyroscope: Noisy w_A [rad/s], shape (3,).
-        accelerometer: Noisy R^T (ddp_A - g) [m/s^2], shape (3,).
-        velocity: True [v_A, w_A] in {A} axes, for the estimator that cheats, shape (6,).
+    Noisy pose, the last one between two of them; true velocity [v_A, w_A] in {A} axes, for the
+    estimator that cheats; noisy w_A [rad/s] and R^T (ddp_A - g) [m/s^2].
+
+    In Python its parts are tuples of floats: `np.concatenate(readings.pose)` is the array
+    [p, quaternion xyzw].
     """
 
-    __slots__ = ("accelerometer", "gyroscope", "pose", "pose_is_new", "velocity")
+    pose: Pose
+    velocity: Spatial
+    gyroscope: Vector
+    accelerometer: Vector
 
-    def __init__(self) -> None:
-        """Start at the origin, at rest."""
-        self.pose: Array = np.array(IDENTITY)
-        self.pose_is_new = True
-        self.gyroscope: Array = np.zeros(3)
-        self.accelerometer: Array = np.zeros(3)
-        self.velocity: Array = np.zeros(6)
+
+class Inertial(NamedTuple):
+    """What gyroscope and accelerometer read, or the noise in it [rad/s, m/s^2]; {A} axes."""
+
+    gyroscope: Vector
+    accelerometer: Vector
 
 
 @dataclass(frozen=True)
 class Datasheet:
-    """What the sensors' makers state: their statistics, not the draw of a flight.
+    """What the sensors' makers state: rates and statistics, not the draw of a flight.
 
     Attributes:
         position_noise: Standard deviation of a measured position, each axis [m].
@@ -56,6 +64,7 @@ class Datasheet:
         gyroscope_noise: Standard deviation of a gyroscope sample [rad/s].
         accelerometer_noise: Standard deviation of an accelerometer sample [m/s^2].
         delay_periods: Age of a pose when it arrives, in control periods.
+        pose_every: Control periods between two poses.
         gravity: [m/s^2], along -z of {W}.
     """
 
@@ -64,53 +73,83 @@ class Datasheet:
     gyroscope_noise: float = 0.0
     accelerometer_noise: float = 0.0
     delay_periods: int = 0
+    pose_every: int = 1
     gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for field in fields(self):
+            value, least = getattr(self, field.name), 1 if field.name == "pose_every" else 0
+            whole = field.name in ("delay_periods", "pose_every")
+            if not least <= value < np.inf or (whole and value != int(value)):
+                kind = "a whole number" if whole else "a number"
+                raise SettingsError(
+                    "datasheet", field.name, f"is {value!r}", f"give {kind} of at least {least}"
+                )
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """Settings of an estimator, all of them JSON values; this one has none."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as JSON values."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 class Estimator(ABC):
     """Keeps the best guess of the platform's pose and velocity.
 
     Attributes:
+        name: The name it is registered under.
+        Settings: Frozen dataclass of its settings.
         needs_inertial: Whether it reads the gyroscope and the accelerometer.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str] = "estimator"
+    Settings: ClassVar[type] = EstimatorSettings
     needs_inertial: ClassVar[bool] = False
 
     def __init__(
-        self,
-        period: float,
-        pose_period: float,
-        cutoff: float,
-        datasheet: Datasheet | None = None,
+        self, datasheet: Datasheet | None = None, settings: Any = None, period: float = 0.01
     ) -> None:
-        """Bind the rates.
+        """Bind the estimator to its sensors.
 
         Args:
+            datasheet: Rates and statistics of the sensors; exact ones without delay if None.
+            settings: An instance of `Settings`; its defaults if None.
             period: Control period [s].
-            pose_period: Time between new poses [s].
-            cutoff: Corner frequency of the pose filter [rad/s], for estimators that have one.
-            datasheet: Statistics of the sensors, for estimators that weigh them; exact sensors
-                without delay if None.
-        """
-        if not cutoff > 0.0:
-            raise SettingsError(
-                f"estimator '{self.name}'", "cutoff", f"is {cutoff!r}", "give rad/s, above 0"
-            )
-        self.period, self.pose_period, self.cutoff = period, pose_period, cutoff
-        self.datasheet = Datasheet() if datasheet is None else datasheet
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """A copy is a fresh estimator: views into workspaces cannot be copied."""
-        return type(self), (self.period, self.pose_period, self.cutoff, self.datasheet)
+        Raises:
+            SettingsError: The settings belong to another estimator, or the period is not above 0.
+        """
+        settings = self.Settings() if settings is None else settings
+        where = f"estimator '{self.name}'"
+        if not isinstance(settings, self.Settings):
+            given, wanted = type(settings).__name__, self.Settings.__name__
+            raise SettingsError(where, "settings", f"is a {given}", f"give a {wanted}")
+        if not 0.0 < period < np.inf:
+            raise SettingsError(where, "period", f"is {period!r}", "give seconds, above 0")
+        self.datasheet = Datasheet() if datasheet is None else datasheet
+        self.settings = settings
+        self.period = period
+
+    @property
+    def pose_period(self) -> float:
+        """Time between two poses [s]."""
+        return self.datasheet.pose_every * self.period
 
     @abstractmethod
     def reset(self, readings: Readings) -> None:
-        """Start from the first readings, at rest."""
+        """Begin anew, at rest at the first readings; `update` is then given the same ones."""
 
     @abstractmethod
     def update(self, readings: Readings, measurement: Measurement) -> None:
-        """Take in one period's readings; write q[:7] and v[:6] of the measurement."""
+        """Take in one period's readings; write q[:7] and v[:6] of the measurement.
+
+        After a reset the pose is a new one in the first period and then every
+        `datasheet.pose_every` periods.
+        """
 
     def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
         """A motion as this estimator would report it: with its lag, without noise.
@@ -125,99 +164,126 @@ class Estimator(ABC):
         """
         return poses, velocities
 
-    def _arrivals(self, rows: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """In each control period, the row whose pose is at hand, and whether it is a new one."""
-        every = round(self.pose_period / self.period)
-        k = np.arange(rows)
-        return np.maximum(0, k - k % every - self.datasheet.delay_periods), k % every == 0
 
+class KernelEstimator(Estimator):
+    """An estimator as a kernel, with the face of an `Estimator`.
 
-EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
+    Subclasses give `kernel`, `numbers` and `memory`; that is all it takes to fly everywhere.
 
-_REGISTRY: Registry[type[Estimator]] = Registry("estimator")
-
-
-def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
-    """Class decorator: make an estimator known under `name`."""
-
-    def add(cls: EstimatorType) -> EstimatorType:
-        cls.name = name
-        _REGISTRY[name] = cls
-        return cls
-
-    return add
-
-
-def estimator_names() -> tuple[str, ...]:
-    """Names of the registered estimators, sorted."""
-    return tuple(sorted(_REGISTRY))
-
-
-def estimator_class(name: str) -> type[Estimator]:
-    """The class registered under `name`.
-
-    Raises:
-        UnknownName: No such estimator; the message lists the known ones.
+    Attributes:
+        kernel: f(numbers, memory, readings, k) -> Estimate. In period 0 it begins anew; where k is
+            a multiple of `numbers.every`, the pose is a new one.
+        state: What it remembers, as lists of records, while it is used from Python; else None.
     """
-    return _REGISTRY[name]
 
-
-@register_estimator("truth")
-class Truth(Estimator):
-    """Pose as read and the true velocity: no estimator can do better, none is this good."""
-
-    def reset(self, readings: Readings) -> None:
-        """Nothing to forget."""
-
-    def update(self, readings: Readings, measurement: Measurement) -> None:
-        """Copy pose and velocity."""
-        measurement.q[:7] = readings.pose
-        measurement.v[:6] = readings.velocity
-
-    def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
-        """The poses as they arrive; the velocity is the true one."""
-        return poses[self._arrivals(len(poses))[0]], velocities
-
-
-@register_estimator("first-order")
-class FirstOrder(Estimator):
-    """The paper's: a first-order filter on the pose, and its rate as the velocity."""
+    kernel: ClassVar[Function]
+    state: Any
 
     def __init__(
-        self,
-        period: float,
-        pose_period: float,
-        cutoff: float,
-        datasheet: Datasheet | None = None,
+        self, datasheet: Datasheet | None = None, settings: Any = None, period: float = 0.01
     ) -> None:
-        """Set up the filter at the rate of new poses."""
-        super().__init__(period, pose_period, cutoff, datasheet)
-        self._filter = FirstOrderPoseFilter(cutoff, pose_period)
-        self._linear_rate, self._angular_rate = self._filter.rate[:3], self._filter.rate[3:]
-        self._attitude = AttitudeView()
+        """Bind the estimator; see `Estimator`."""
+        super().__init__(datasheet, settings, period)
+        self._numbers = self.numbers()
+        self.forget()
+
+    @abstractmethod
+    def numbers(self) -> Any:
+        """Settings and sensors as a record of numbers; `every` is the datasheet's pose_every."""
+
+    @abstractmethod
+    def memory(self, lanes: int = 0) -> Any:
+        """A view with room for what the estimator remembers."""
+
+    def forget(self) -> None:
+        """Begin anew at the next readings."""
+        self.state = None
+        self._k = 0
+
+    def estimate(self, readings: Readings) -> Estimate:
+        """One period."""
+        if self.state is None:
+            self.state = Lists().of(self.memory())
+        told: Estimate = self.kernel(self._numbers, self.state, readings, self._k)
+        self._k += 1
+        return told
+
+    # The face of an estimator.
 
     def reset(self, readings: Readings) -> None:
-        """Start the filter at the first pose."""
-        self._filter.reset(readings.pose)
+        """Begin anew; see `Estimator.reset`."""
+        self.forget()
 
     def update(self, readings: Readings, measurement: Measurement) -> None:
-        """Filter a new pose; between poses hold the last estimate."""
-        if readings.pose_is_new:
-            self._filter.update(readings.pose)
-        pose, v = self._filter.pose, measurement.v
-        measurement.q[:7] = pose
-        self._linear_rate.dot(self._attitude.look(pose), v[:3])
-        v[3:6] = self._angular_rate
+        """One period, its velocity turned to {A} axes; see `Estimator.update`."""
+        pose, velocity = self.estimate(readings)
+        measurement.q[:7] = [*flat(pose)]
+        turned = rotate_spatial_back(rotation_matrix(pose.attitude), velocity)
+        measurement.v[:6] = [*flat(turned)]
 
     def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
-        """The motion behind the filter, from rest at its first pose."""
-        seen, rates = np.empty_like(poses), np.empty_like(velocities)
-        lag = FirstOrderPoseFilter(self.cutoff, self.pose_period)
-        lag.reset(poses[0])
-        arrived, is_new = self._arrivals(len(poses))
-        for k in range(len(poses)):
-            if is_new[k]:
-                lag.update(poses[arrived[k]])
-            seen[k], rates[k] = lag.pose, lag.rate
-            np.dot(self._attitude.look(lag.pose), lag.rate[3:], out=rates[k, 3:])
-        return seen, rates
+        """The motion behind the kernel; see `Estimator.as_seen`.
+
+        Inertial sensors see a motion as it happens: an estimator that reads them has no lag.
+        """
+        if self.needs_inertial:
+            return poses, velocities
+        numbers = self._numbers
+        view = MotionView(
+            Rows.of(type(numbers), [numbers]),
+            self.memory(),
+            Rows(float, [[self.datasheet.delay_periods]]),
+            Rows(Estimate, np.hstack([poses, velocities])),
+            seen := Rows.empty(Estimate, len(poses)),
+        )
+        program([Stage(motion_stage(self.kernel), view)]).run(0, len(poses))
+        return seen["pose"], seen["velocity"]
+
+
+# The stages of a flight, and of its tables, that belong to the estimator.
+
+
+class EstimateView(NamedTuple):
+    """What the stage of the estimator is shown: rows."""
+
+    numbers: Any
+    memory: Any
+    readings: Any
+    estimate: Any
+
+
+class MotionView(NamedTuple):
+    """The same for a known motion: the poses' age, and the motion by period; rows."""
+
+    numbers: Any
+    memory: Any
+    delay: Any
+    motion: Any
+    seen: Any
+
+
+@cache
+def estimate_stage(update: Function) -> Function:
+    """The stage that asks an estimator, given its kernel."""
+
+    @kernel
+    def estimate(view, k):
+        view.estimate[0] = update(view.numbers[0], view.memory, view.readings[0], k)
+
+    return estimate
+
+
+@cache
+def motion_stage(update: Function) -> Function:
+    """The stage that shows a known motion to an estimator, given its kernel."""
+
+    @kernel
+    def see(view, k):
+        numbers, now = view.numbers[0], view.motion[k]
+        taken = k - k % int(numbers.every) - int(view.delay[0])
+        pose = view.motion[max(0, taken)].pose
+        velocity = rotate_spatial_back(rotation_matrix(now.pose.attitude), now.velocity)
+        readings = Readings(pose, velocity, velocity.angular, (0.0, 0.0, 0.0))
+        view.seen[k] = update(numbers, view.memory, readings, k)
+
+    return see

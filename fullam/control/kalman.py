@@ -14,9 +14,10 @@ and its error: x+ = F x + noise, with A = d a / d(log R) = -R s(f) and
 
     F = [1, T^2/2 A, T 1;  0, exp(-T s(w)), 0;  0, T A, 1],    P+ = F P F^T + Q.
 
-A pose reading (p_m, R_m) has the innovation y = [p_m - p; log(R^T R_m)] = [1 0] x + noise, whose
-correction is x = P_:h S^{-1} y with S = P_hh + N. With S = L L^T and W = L^{-1} P_h: the covariance
-after it is P - W^T W, symmetric to the last bit.
+F is never written down: it is applied to the columns of P and then to the rows of what results. A
+pose reading (p_m, R_m) has the innovation y = [p_m - p; log(R^T R_m)] = [1 0] x + noise. Its six
+noises are independent, so its entries are taken in one by one, which is exact and inverts nothing:
+with c = P_:j the weight is c / (c_j + N_j), and P loses c c^T / (c_j + N_j).
 
 There are no biases among the states: the simulated inertial sensors have none, and two states that
 are always zero would only slow the rest down.
@@ -24,203 +25,307 @@ are always zero would only slow the rest down.
 
 from __future__ import annotations
 
-from collections import deque
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from fullam.control.controller import Measurement
-from fullam.control.estimator import Datasheet, Estimator, Readings, register_estimator
-from fullam.dynamics.pose_space import IDENTITY, AttitudeView, pose_model
-
-Array = NDArray[np.float64]
-
-LEAST_POSE_NOISE = (1e-4, 1e-4)
-"""Noise that a pose is credited with at least [m, rad]: exact poses would make S singular."""
-
-SAMPLING_NOISE = (0.0005, 0.01)
-"""What the trapezoid over two readings misses of the mean between them [rad/s, m/s^2].
-
-The readings are taken once a control period, and the rotors' answer is quicker than that. Added in
-squares to the sensors' own noise, it also keeps the filter awake when they have none. It does not
-cover a gust of one period, whose impulse the trapezoid spreads over two: in the period after it
-the velocity is off by half the impulse, and then right again."""
-
-INITIAL_SPEED = 0.01
-"""Standard deviation of the velocity at the start, which is from rest [m/s]."""
+from fullam.control.estimator import EstimatorSettings, Inertial, KernelEstimator
+from fullam.control.signals import Estimate
+from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
+from fullam.dynamics.spatial import Pose, Spatial
+from fullam.exceptions import SettingsError
+from fullam.numbers.kernel import Number, kernel
+from fullam.numbers.records import Rows
+from fullam.numbers.vectors import (
+    ZERO,
+    Matrix,
+    Vector,
+    add,
+    axpy,
+    cross,
+    rotate,
+    scale,
+    subtract,
+)
 
 
-class InertialPose:
-    """Pose and velocity carried from one pair of inertial readings to the next.
+@dataclass(frozen=True)
+class KalmanSettings(EstimatorSettings):
+    """Settings of the filter, beside what the `Datasheet` states.
 
     Attributes:
-        pose: [p, quaternion xyzw], shape (7,).
-        velocity: v of the origin of {A}, world axes, shape (3,) [m/s].
-        rotation: R_WA, shape (3, 3), live.
+        least_pose_noise: Noise that a pose is credited with at least [m, rad]: exact poses would
+            make the filter deaf to everything else.
+        sampling_noise: What the trapezoid over two readings misses of the mean between them
+            [rad/s, m/s^2]. The readings are taken once a control period, and the rotors' answer is
+            quicker than that. Added in squares to the sensors' own noise, it also keeps the filter
+            awake when they have none. It does not cover a gust of one period, whose impulse the
+            trapezoid spreads over two: in the period after it the velocity is off by half the
+            impulse, and then right again.
+        initial_speed: Standard deviation of the velocity at the start, which is from rest [m/s].
     """
 
-    def __init__(self, period: float, gravity: float) -> None:
-        """Start at the origin, level, at rest."""
-        self._T = period
-        self._g = np.array([0.0, 0.0, -gravity])
-        self._model = pose_model()
-        self._attitude = AttitudeView()
-        self.pose: Array = np.array(IDENTITY)
-        self.velocity: Array = np.zeros(3)
-        self.rotation: Array = self._attitude.R_WA
-        self._w: Array = np.zeros(3)
-        self._a: Array = np.zeros(3)
-        self._step: Array = np.zeros(6)
+    least_pose_noise: tuple[float, float] = (1e-4, 1e-4)
+    sampling_noise: tuple[float, float] = (0.0005, 0.01)
+    initial_speed: float = 0.01
 
-    def start(self, pose: Array, velocity: Array, inertial: Array) -> None:
-        """Stand at a pose with a velocity, the readings of that instant being [w, f]."""
-        self.pose[:] = pose
-        self.velocity[:] = velocity
-        self._w[:] = inertial[:3]
-        np.add(self._attitude.look(self.pose) @ inertial[3:], self._g, out=self._a)
-
-    def copy_from(self, other: InertialPose) -> None:
-        """Stand where `other` stands."""
-        self.pose[:], self.velocity[:] = other.pose, other.velocity
-        self._w[:], self._a[:] = other._w, other._a
-        self._attitude.look(self.pose)
-
-    def advance(self, inertial: Array) -> Array:
-        """One period on, to the readings [w, f] at its end; returns T w, shape (3,), live."""
-        T, step = self._T, self._step
-        turn = step[3:]
-        np.add(self._w, inertial[:3], out=turn)
-        turn *= 0.5 * T
-        self._w[:] = inertial[:3]
-        # The attitude first: it is needed to turn the force at the end of the period.
-        step[:3] = 0.0
-        pose = pin.integrate(self._model, self.pose, step)
-        a = self._attitude.look(pose) @ inertial[3:]
-        a += self._g
-        change = self._a + a
-        change *= 0.5 * T
-        self._a[:] = a
-        pose[:3] += T * (self.velocity + 0.5 * change)
-        self.velocity += change
-        self.pose[:] = pose
-        return turn
-
-    def correct(self, x: Array) -> None:
-        """Move by an error x = [p, attitude, v], shape (9,)."""
-        self.pose[:] = pin.integrate(self._model, self.pose, x[:6])
-        self.velocity += x[6:]
-        before = self.rotation.copy()
-        # The force read belongs to the corrected attitude.
-        self._a -= self._g
-        turned = self._attitude.look(self.pose) @ (self._a @ before)
-        np.add(turned, self._g, out=self._a)
+    def __post_init__(self) -> None:
+        """Check the numbers; lists become tuples."""
+        for field, count in (("least_pose_noise", 2), ("sampling_noise", 2), ("initial_speed", 1)):
+            values = np.asarray(getattr(self, field), dtype=float)
+            if values.size != count or not np.all((values > 0.0) & (values < np.inf)):
+                raise SettingsError(
+                    "estimator 'kalman'",
+                    field,
+                    f"is {getattr(self, field)!r}",
+                    f"give {'two numbers' if count == 2 else 'a number'} above 0",
+                )
+            object.__setattr__(self, field, tuple(values.tolist()) if count == 2 else float(values))
 
 
-@register_estimator("kalman")
-class Kalman(Estimator):
-    """Error-state Kalman filter: gyroscope, accelerometer and pose, by their `Datasheet`.
+class KalmanNumbers(NamedTuple):
+    """Rates, gravity and variances.
+
+    Control periods between two poses; control period T; gravity along -z of {W}. Variances that a
+    period adds: of position, of position with velocity, of velocity, of attitude. Variances of a
+    pose reading, position and attitude; of the velocity at the start.
+    """
+
+    every: Number
+    period: Number
+    gravity: Number
+    position: Number
+    mixed: Number
+    velocity: Number
+    attitude: Number
+    read_position: Number
+    read_attitude: Number
+    start: Number
+
+
+class InertialPose(NamedTuple):
+    """Pose, velocity of the origin of {A} in world axes, and the inertial readings there."""
+
+    pose: Pose
+    velocity: Vector
+    inertial: Inertial
+
+
+class Error(NamedTuple):
+    """An error of position (world), attitude ({A}) and velocity (world)."""
+
+    position: Vector
+    attitude: Vector
+    velocity: Vector
+
+
+class Step(NamedTuple):
+    """What F is made of: T, T w, and d v+ / d(log R) = T A."""
+
+    period: Number
+    turn: Vector
+    push: Matrix
+
+
+class KalmanMemory(NamedTuple):
+    """Rows.
+
+    The estimate at the time of the poses, one `InertialPose`; P, nine rows of nine numbers; the
+    `Inertial` readings since, one more than the age of a pose; and room to take a pose in: its
+    innovation (6), the correction (9) and a column of P (9).
+    """
+
+    late: Any
+    covariance: Any
+    waiting: Any
+    innovation: Any
+    correction: Any
+    column: Any
+
+
+@kernel
+def kalman(numbers, memory, readings, k):
+    """Carry the estimate to this period and take in a new pose.
 
     A delayed pose is met at its own time: the filter runs as far behind as the poses are old, and
-    the inertial readings since then carry its estimate to the present, where it has no lag.
-
-    Attributes:
-        covariance: P of the error [p, attitude, v] at the time of the poses, (9, 9), live.
-        state: The estimate at the time of the poses.
+    the inertial readings since then carry its estimate to the present, where it has no lag. The
+    first poses that arrive late all show the start, where the filter then waits.
     """
+    late, waiting = memory.late, memory.waiting
+    span = len(waiting)
+    waiting[k % span] = Inertial(readings.gyroscope, readings.accelerometer)
+    if k == 0:
+        late[0] = InertialPose(readings.pose, ZERO, waiting[0])
+        begin(numbers, memory.covariance)
+    elif k >= span:
+        before = late[0]
+        after = carry(numbers, before, waiting[(k + 1) % span])
+        late[0] = after
+        predict(numbers, memory.covariance, step_between(numbers, before, after))
+    if k > 0 and k % int(numbers.every) == 0:
+        late[0] = take(numbers, memory, late[0], readings.pose)
+    now = late[0]
+    for i in range(max(1, k - span + 2), k + 1):
+        now = carry(numbers, now, waiting[i % span])
+    w = rotate(rotation_matrix(now.pose.attitude), readings.gyroscope)
+    return Estimate(now.pose, Spatial(now.velocity, w))
 
+
+# The estimate.
+
+
+@kernel
+def carry(numbers, now, inertial):
+    """One control period on, to the readings at its end."""
+    T, pose = numbers.period, now.pose
+    attitude = boxplus(pose.attitude, mean_turn(T, now.inertial, inertial))
+    a = acceleration(numbers, pose.attitude, now.inertial)
+    b = acceleration(numbers, attitude, inertial)
+    change = scale(0.5 * T, add(a, b))
+    position = axpy(T, axpy(0.5, change, now.velocity), pose.position)
+    return InertialPose(Pose(position, attitude), add(now.velocity, change), inertial)
+
+
+@kernel
+def mean_turn(period, a, b):
+    """T w: what the platform turns between two readings, {A} axes."""
+    return scale(0.5 * period, add(a.gyroscope, b.gyroscope))
+
+
+@kernel
+def acceleration(numbers, attitude, inertial):
+    """R f + g, world axes."""
+    a = rotate(rotation_matrix(attitude), inertial.accelerometer)
+    return (a[0], a[1], a[2] - numbers.gravity)
+
+
+@kernel
+def corrected(now, x):
+    """The estimate moved by an error."""
+    pose = Pose(add(now.pose.position, x.position), boxplus(now.pose.attitude, x.attitude))
+    return InertialPose(pose, add(now.velocity, x.velocity), now.inertial)
+
+
+# Its error.
+
+
+@kernel
+def step_between(numbers, before, after):
+    """F of a control period, from the estimates at its ends."""
+    T, R = numbers.period, rotation_matrix(after.pose.attitude)
+    f = scale(-T, after.inertial.accelerometer)
+    a, b, c = cross(R[0:3], f), cross(R[3:6], f), cross(R[6:9], f)  # a row r of R: r s(f) = r x f
+    push = (a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
+    return Step(T, mean_turn(T, before.inertial, after.inertial), push)
+
+
+@kernel
+def carry_error(step, x):
+    """F x."""
+    v = add(x.velocity, rotate(step.push, x.attitude))
+    p = axpy(0.5 * step.period, add(x.velocity, v), x.position)
+    return Error(p, subtract(x.attitude, cross(step.turn, x.attitude)), v)
+
+
+@kernel
+def begin(numbers, P):
+    """P at the start: as uncertain as one pose reading is, and nearly at rest."""
+    for i in range(9):
+        for j in range(9):
+            P[i][j] = 0.0
+    for i in range(3):
+        P[i][i] = numbers.read_position
+        P[3 + i][3 + i] = numbers.read_attitude
+        P[6 + i][6 + i] = numbers.start
+
+
+@kernel
+def predict(numbers, P, step):
+    """P becomes F P F^T + Q, symmetric to the last bit: the upper triangle mirrors the lower."""
+    for j in range(9):
+        x = Error(
+            (P[0][j], P[1][j], P[2][j]), (P[3][j], P[4][j], P[5][j]), (P[6][j], P[7][j], P[8][j])
+        )
+        x = carry_error(step, x)
+        P[0][j], P[1][j], P[2][j] = x.position
+        P[3][j], P[4][j], P[5][j] = x.attitude
+        P[6][j], P[7][j], P[8][j] = x.velocity
+    for i in range(9):
+        row = P[i]
+        x = Error((row[0], row[1], row[2]), (row[3], row[4], row[5]), (row[6], row[7], row[8]))
+        x = carry_error(step, x)
+        row[0], row[1], row[2] = x.position
+        row[3], row[4], row[5] = x.attitude
+        row[6], row[7], row[8] = x.velocity
+        for j in range(i):
+            P[j][i] = row[j]
+    for i in range(3):
+        P[i][i] = P[i][i] + numbers.position
+        P[3 + i][3 + i] = P[3 + i][3 + i] + numbers.attitude
+        P[6 + i][6 + i] = P[6 + i][6 + i] + numbers.velocity
+        P[i][6 + i] = P[i][6 + i] + numbers.mixed
+        P[6 + i][i] = P[6 + i][i] + numbers.mixed
+
+
+@kernel
+def take(numbers, memory, now, reading):
+    """Correct estimate and covariance by a pose reading."""
+    P, y, x, c = memory.covariance, memory.innovation, memory.correction, memory.column
+    y[0], y[1], y[2] = subtract(reading.position, now.pose.position)
+    y[3], y[4], y[5] = boxminus(reading.attitude, now.pose.attitude)
+    for i in range(9):
+        x[i] = 0.0
+    for j in range(6):
+        for i in range(9):
+            c[i] = P[j][i] if i < j else P[i][j]
+        weight = 1.0 / (c[j] + (numbers.read_position if j < 3 else numbers.read_attitude))
+        surprise = weight * (y[j] - x[j])
+        for i in range(9):
+            x[i] = x[i] + c[i] * surprise
+            share = weight * c[i]
+            for m in range(i + 1):
+                P[i][m] = P[i][m] - share * c[m]
+    for i in range(9):
+        for j in range(i):
+            P[j][i] = P[i][j]
+    return corrected(now, Error((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])))
+
+
+class Kalman(KernelEstimator):
+    """Error-state Kalman filter: gyroscope, accelerometer and pose, by their `Datasheet`."""
+
+    name = "kalman"
+    Settings = KalmanSettings
+    settings: KalmanSettings
     needs_inertial = True
+    kernel = staticmethod(kalman)
 
-    def __init__(
-        self,
-        period: float,
-        pose_period: float,
-        cutoff: float,
-        datasheet: Datasheet | None = None,
-    ) -> None:
-        """Lay out the noise; `cutoff` is not used."""
-        super().__init__(period, pose_period, cutoff, datasheet)
-        sheet, T = self.datasheet, period
-        pose_noise = np.maximum((sheet.position_noise, sheet.attitude_noise), LEAST_POSE_NOISE)
-        self._pose_variance = np.repeat(np.square(pose_noise), 3)
-        q_w = sheet.gyroscope_noise**2 + SAMPLING_NOISE[0] ** 2
-        q_a = sheet.accelerometer_noise**2 + SAMPLING_NOISE[1] ** 2
-        Q = np.zeros((3, 3, 3, 3))
-        eye = np.eye(3)
-        Q[0, :, 0], Q[0, :, 2] = 0.25 * T**4 * q_a * eye, 0.5 * T**3 * q_a * eye
-        Q[2, :, 0], Q[2, :, 2] = Q[0, :, 2], T**2 * q_a * eye
-        Q[1, :, 1] = T**2 * q_w * eye
-        self._Q = Q.reshape(9, 9)
-        self._F = np.eye(9)
-        self._F[0:3, 6:9] = T * eye
-        self._eye = eye
-        self._model = pose_model()
-        self.state = InertialPose(period, sheet.gravity)
-        self._now = self.state if sheet.delay_periods == 0 else InertialPose(period, sheet.gravity)
-        self.covariance: Array = np.zeros((9, 9))
-        self._waiting: deque[Array] = deque()
-        self._fresh = False
-        self._S: Array = np.zeros((6, 6))
-        self._diagonal = np.arange(6)
+    def numbers(self) -> KalmanNumbers:
+        """See `KalmanNumbers`."""
+        sheet, s, T = self.datasheet, self.settings, self.period
+        q_w = sheet.gyroscope_noise**2 + s.sampling_noise[0] ** 2
+        q_a = sheet.accelerometer_noise**2 + s.sampling_noise[1] ** 2
+        return KalmanNumbers(
+            every=float(sheet.pose_every),
+            period=T,
+            gravity=sheet.gravity,
+            position=0.25 * T**4 * q_a,
+            mixed=0.5 * T**3 * q_a,
+            velocity=T**2 * q_a,
+            attitude=T**2 * q_w,
+            read_position=max(sheet.position_noise, s.least_pose_noise[0]) ** 2,
+            read_attitude=max(sheet.attitude_noise, s.least_pose_noise[1]) ** 2,
+            start=s.initial_speed**2,
+        )
 
-    def reset(self, readings: Readings) -> None:
-        """Start at the first pose, at rest, as uncertain as one pose reading is."""
-        self.state.start(readings.pose, np.zeros(3), _inertial(readings))
-        self.covariance[:] = np.diag(np.append(self._pose_variance, [INITIAL_SPEED**2] * 3))
-        self._waiting.clear()
-        self._fresh = True
-
-    def update(self, readings: Readings, measurement: Measurement) -> None:
-        """Carry the estimate to this period and take in a new pose, if there is one."""
-        if self._fresh:  # the first readings are in the state already
-            self._fresh = False
-        else:
-            self._waiting.append(_inertial(readings))
-            # The first poses that arrive late all show the start, where the filter then waits.
-            if len(self._waiting) > self.datasheet.delay_periods:
-                self._predict(self._waiting.popleft())
-            if readings.pose_is_new:
-                self._take(readings.pose)
-        now = self._now
-        if now is not self.state:
-            now.copy_from(self.state)
-            for inertial in self._waiting:
-                now.advance(inertial)
-        measurement.q[:7] = now.pose
-        v = measurement.v
-        np.dot(now.velocity, now.rotation, out=v[:3])
-        v[3:6] = readings.gyroscope
-
-    def _predict(self, inertial: Array) -> None:
-        """Estimate and covariance, one period on."""
-        F, T, P = self._F, self.period, self.covariance
-        f_A = inertial[3:]
-        turn = self.state.advance(inertial)
-        A = self.state.rotation @ pin.skew(f_A)
-        A *= -T
-        F[6:9, 3:6] = A
-        A *= 0.5 * T
-        F[0:3, 3:6] = A
-        np.subtract(self._eye, pin.skew(turn), out=F[3:6, 3:6])
-        product = F @ (P @ F.T)
-        np.add(product, product.T, out=P)  # rounding must not pile up between the halves
-        P *= 0.5
-        P += self._Q
-
-    def _take(self, pose: Array) -> None:
-        """Correct by a pose reading."""
-        P, S = self.covariance, self._S
-        S[:] = P[:6, :6]
-        S[self._diagonal, self._diagonal] += self._pose_variance
-        L = dpotrf(S, lower=1, clean=0)[0]
-        y = pin.difference(self._model, self.state.pose, pose)
-        W = dtrtrs(L, P[:6], lower=1)[0]
-        y = dtrtrs(L, y, lower=1)[0]
-        self.state.correct(y @ W)
-        P -= W.T @ W
-
-
-def _inertial(readings: Readings) -> Array:
-    """[w, f] of the readings, shape (6,), a copy."""
-    return np.concatenate((readings.gyroscope, readings.accelerometer))
+    def memory(self, lanes: int = 0) -> KalmanMemory:
+        """Room, to be filled in the first period."""
+        return KalmanMemory(
+            Rows.empty(InertialPose, 1, lanes=lanes),
+            Rows.empty(float, 9, 9, lanes=lanes),
+            Rows.empty(Inertial, self.datasheet.delay_periods + 1, lanes=lanes),
+            Rows.empty(float, 6, lanes=lanes),
+            Rows.empty(float, 9, lanes=lanes),
+            Rows.empty(float, 9, lanes=lanes),
+        )

@@ -1,28 +1,43 @@
 """PID on the platform's pose, eq. (19), and the plain PID controller with gravity.
 
 The pose error is e = [p_d - p; R log(R^T R_d)] in world axes: the second half is the world-side
-axis-angle theta_e v_e of eqs. (17)-(18), because R log(R^T R_d) = log(R_d R^T).
+axis-angle theta_e v_e of eqs. (17)-(18), because R log(R^T R_d) = log(R_d R^T). The integrator is
+stored as the acceleration that it commands.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from pinocchio import difference
 
-from fullam.control.controller import (
-    ALL_AXES,
-    Controller,
-    Measurement,
-    ReferencePoint,
-    register,
-)
+from fullam.control.law import KernelLaw, LawKernels
+from fullam.control.signals import Command
 from fullam.control.tracking import TrackingSettings
-from fullam.dynamics.pose_space import AttitudeView, pose_model
+from fullam.dynamics.so3 import boxminus, rotation_matrix
+from fullam.dynamics.spatial import (
+    Spatial,
+    add_spatial,
+    multiply_spatial,
+    subtract_spatial,
+)
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.kernel import Number, absolute, kernel, minimum, select, some
+from fullam.numbers.records import record
+from fullam.numbers.vectors import (
+    ZERO,
+    Symmetric,
+    apply_symmetric,
+    clip_vector,
+    dot,
+    rotate,
+    rotate_back,
+    scale,
+    subtract,
+)
 
 Array = NDArray[np.float64]
 
@@ -58,154 +73,188 @@ class PidSettings(TrackingSettings):
             object.__setattr__(self, "wrench_bounds", tuple(bounds.tolist()))
 
 
-class PidLaw:
-    """u_pid = K_p e + K_i int e dt + K_d de/dt + reference acceleration, eq. (19).
+class Gains(NamedTuple):
+    """The PID as numbers, world axes, linear half first.
 
-    All vectors are in world axes, position first. The error's derivative is the velocity error.
-    The three terms are one product G s with s = [e; i; de], where the integrator i is stored as
-    the acceleration it commands. What allocates or looks up is bound once: at this size a product
-    `A.dot(x, out)` costs 0.25 us (`np.dot` 0.4, `@` 0.9) and making a view 0.1 us.
-
-    Attributes:
-        gains: G, shape (6, 18), live: whoever changes it changes the law.
-        error: e, shape (6,), live [m, rad].
-        integral: i, shape (6,), live [m/s^2, rad/s^2].
-        error_rate: de/dt, shape (6,), live [m/s, rad/s].
-        rotation: R_WA of the last measurement, shape (3, 3), live.
+    K_p, K_d, and K_i times the control period; largest integrator output.
     """
 
-    def __init__(self, settings: PidSettings, period: float, axes: tuple[bool, ...]) -> None:
-        """Lay out the gains; uncontrolled axes get none."""
-        mask = np.asarray(axes, dtype=float)
-        kp, ki, kd = (
-            np.repeat([settings.position_gains[k], settings.attitude_gains[k]], 3) * mask
-            for k in range(3)
-        )
-        self.period = period
-        self.proportional_gain, self.integral_gain, self.derivative_gain = kp, ki, kd
-        self.integral_limit = np.repeat(settings.integral_limits, 3)
-        self.anti_windup = settings.anti_windup
-        # [u; next i] = map @ [e; i; de]: the law, and the integrator's step.
-        self._map = np.zeros((12, 18))
-        self.gains: Array = self._map[:6]
-        self.gains[:] = np.hstack([np.diag(kp), np.eye(6), np.diag(kd)])
-        self._map[6:, :6], self._map[6:, 6:12] = np.diag(ki * period), np.eye(6)
-        self._answer = np.zeros(12)
-        self._u, self._next_integral = self._answer[:6], self._answer[6:]
-        self._lowest = -self.integral_limit
-        self._s = np.zeros(18)
-        self.error: Array = self._s[0:6]
-        self.integral: Array = self._s[6:12]
-        self.error_rate: Array = self._s[12:18]
-        self._position_error, self._attitude_error = self._s[0:3], self._s[3:6]
-        self._velocity = np.zeros(6)
-        self._velocity_rows = self._velocity.reshape(2, 3)
-        self._attitude = AttitudeView()
-        self.rotation: Array = self._attitude.R_WA
-        self._rotation_back = self.rotation.T
-        self._model = pose_model()
-
-    def reset(self) -> None:
-        """Empty the integrator."""
-        self._s[:] = 0.0
-
-    def acceleration(self, m: Measurement, ref: ReferencePoint, out: Array) -> Array:
-        """Write u_pid [m/s^2, rad/s^2] to `out`, world axes; `rotation` becomes R_WA."""
-        pose = m.q[:7]
-        R = self._attitude.look(pose)
-        e = difference(self._model, pose, ref.pose)
-        self._position_error[:] = e[:3]
-        R.dot(e[3:], self._attitude_error)
-        # Rows of v as two 3-vectors in {A}: one product turns both to world axes.
-        m.v[:6].reshape(2, 3).dot(self._rotation_back, self._velocity_rows)
-        np.subtract(ref.velocity, self._velocity, self.error_rate)
-        self._map.dot(self._s, self._answer)
-        np.add(self._u, ref.acceleration, out)
-        np.minimum(self._next_integral, self.integral_limit, out=self.integral)
-        np.maximum(self.integral, self._lowest, out=self.integral)
-        return out
-
-    def drain(self, missing_acceleration: Array) -> None:
-        """Anti-windup: let go of integral action that pushes into a limit, and of no more.
-
-        Where the integrator points along what could not be delivered, it is drained at the rate
-        `anti_windup` times the missing acceleration, down to zero. It is never pushed past zero:
-        a manoeuvre that asks too much for a moment must not leave an offset behind.
-
-        Args:
-            missing_acceleration: delivered minus commanded, shape (6,) [m/s^2, rad/s^2].
-        """
-        i, rate = self.integral, self.anti_windup * self.period
-        pairs = zip(i.tolist(), missing_acceleration.tolist(), strict=True)
-        for k, (value, missing) in enumerate(pairs):
-            if value * missing < 0.0:
-                step = min(abs(missing) * rate, abs(value))
-                i[k] = value - step if value > 0.0 else value + step
+    proportional: Spatial
+    derivative: Spatial
+    integral: Spatial
+    limit: Spatial
 
 
-class PidBase(Controller):
-    """What the controllers built on eq. (19) share: the law, the bounds, the anti-windup.
+class Limits(NamedTuple):
+    """Bounds of the commanded wrench, and what anti-windup goes by.
 
-    Attributes:
-        law: Eq. (19).
-        attitude: That of the law, `PidLaw.rotation`; see `Controller`.
-        rigid_inertia: Inertia of the whole vehicle about the origin of {A} with the arm neutral,
-            {A} axes, shape (3, 3) [kg m^2].
+    Least and largest wrench; rate of the anti-windup times the control period; the vehicle's mass,
+    and the inverse of its inertia about {A} at the neutral arm, {A} axes.
     """
+
+    lower: Spatial
+    upper: Spatial
+    drain: Number
+    mass: Number
+    inertia_inverse: Symmetric
+
+
+class PidNumbers(NamedTuple):
+    """The plain PID: gains, limits, gravity, and the inertia about {A} at the neutral arm."""
+
+    gains: Gains
+    limits: Limits
+    gravity: Number
+    inertia: Symmetric
+
+
+class PidMemory(NamedTuple):
+    """The integrator's output, an acceleration in world axes."""
+
+    integral: Spatial
+
+
+@kernel
+def pose_error(estimate, target):
+    """Error e = [p_d - p; R log(R^T R_d)] and its rate [dp_d - dp; w_d - w], world axes."""
+    pose, wanted = estimate.pose, target.pose
+    R = rotation_matrix(pose.attitude)
+    e_f = subtract(wanted.position, pose.position)
+    e_tau = rotate(R, boxminus(wanted.attitude, pose.attitude))
+    return Spatial(e_f, e_tau), subtract_spatial(target.velocity, estimate.velocity)
+
+
+@kernel
+def pid(gains, e, de, integral, acceleration):
+    """Eq. (19): u_pid = K_p e + K_i int e dt + K_d de/dt, plus the reference's acceleration."""
+    proportional = multiply_spatial(gains.proportional, e)
+    derivative = multiply_spatial(gains.derivative, de)
+    return add_spatial(add_spatial(add_spatial(proportional, integral), derivative), acceleration)
+
+
+@kernel
+def integrated(gains, integral, e):
+    """The integrator one period on, within its limits."""
+    after = add_spatial(integral, multiply_spatial(gains.integral, e))
+    limit = gains.limit
+    return Spatial(
+        clip_vector(after.linear, scale(-1.0, limit.linear), limit.linear),
+        clip_vector(after.angular, scale(-1.0, limit.angular), limit.angular),
+    )
+
+
+@kernel
+def bounded(limits, wrench):
+    """The wrench within its bounds."""
+    return Spatial(
+        clip_vector(wrench.linear, limits.lower.linear, limits.upper.linear),
+        clip_vector(wrench.angular, limits.lower.angular, limits.upper.angular),
+    )
+
+
+@kernel
+def within_bounds(limits, R, wrench, integral):
+    """The wrench within its bounds, and the integrator drained by what they cut off."""
+    within = bounded(limits, wrench)
+    missing = subtract_spatial(within, wrench)
+    cut = dot(missing.linear, missing.linear) + dot(missing.angular, missing.angular) > 0.0
+    if some(cut):
+        integral = select(cut, drained(limits, integral, R, missing), integral)
+    return within, integral
+
+
+@kernel
+def drained(limits, integral, R, missing):
+    """Anti-windup: let go of integral action that pushes into a limit, and of no more.
+
+    Where the integrator points along what could not be delivered, it is drained at the rate
+    `anti_windup` times the missing acceleration, down to zero. It is never pushed past zero: a
+    manoeuvre that asks too much for a moment must not leave an offset behind.
+
+    Args:
+        limits: Rate, mass and inertia.
+        integral: The integrator.
+        R: Attitude.
+        missing: Wrench delivered minus commanded, world axes, its moment about the centre of mass.
+    """
+    a = scale(1.0 / limits.mass, missing.linear)
+    b = rotate(R, apply_symmetric(limits.inertia_inverse, rotate_back(R, missing.angular)))
+    i, j, rate = integral.linear, integral.angular, limits.drain
+    return Spatial(
+        (released(i[0], a[0], rate), released(i[1], a[1], rate), released(i[2], a[2], rate)),
+        (released(j[0], b[0], rate), released(j[1], b[1], rate), released(j[2], b[2], rate)),
+    )
+
+
+@kernel
+def released(value, missing, rate):
+    """One integrator after what is missing of its acceleration."""
+    step = minimum(absolute(missing) * rate, absolute(value))
+    return select(value * missing < 0.0, select(value > 0.0, value - step, value + step), value)
+
+
+@kernel
+def start(numbers, chain, estimate):
+    """An empty integrator."""
+    return PidMemory(Spatial(ZERO, ZERO))
+
+
+@kernel
+def command(numbers, chain, estimate, target, memory):
+    """Wrench u = [m (u_f + g); R I R^T u_tau]: the weight is the only compensation."""
+    R = rotation_matrix(estimate.pose.attitude)
+    e, de = pose_error(estimate, target)
+    u_pid = pid(numbers.gains, e, de, memory.integral, target.acceleration)
+    limits = numbers.limits
+    torque = rotate(R, apply_symmetric(numbers.inertia, rotate_back(R, u_pid.angular)))
+    weight = Spatial((0.0, 0.0, limits.mass * numbers.gravity), ZERO)
+    u = add_spatial(Spatial(scale(limits.mass, u_pid.linear), torque), weight)
+    integral = integrated(numbers.gains, memory.integral, e)
+    u, integral = within_bounds(limits, R, u, integral)
+    return Command(u, u_pid, weight), PidMemory(integral)
+
+
+@kernel
+def delivered(numbers, chain, estimate, memory, delivery):
+    """The integrator after a command that could not be delivered."""
+    R = rotation_matrix(estimate.pose.attitude)
+    return PidMemory(drained(numbers.limits, memory.integral, R, delivery.missing))
+
+
+class PidBase(KernelLaw):
+    """What the laws built on eq. (19) share: gains, bounds and anti-windup as numbers."""
 
     Settings = PidSettings
     settings: PidSettings
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        settings: PidSettings | None = None,
-        period: float = 0.01,
-        axes: tuple[bool, ...] = ALL_AXES,
-    ) -> None:
-        """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
-        self.law = PidLaw(self.settings, period, self.axes)
-        self.attitude: Array = self.law.rotation
-        self._wrench: Array = np.zeros(6)
-        self._bounded = self.settings.wrench_bounds is not None
+    def gains(self) -> Gains:
+        """Gains of the controlled axes; the others get none."""
+        s = self.settings
+        k_p, k_i, k_d = (
+            np.repeat([s.position_gains[k], s.attitude_gains[k]], 3) * self.axes for k in range(3)
+        )
+        limit = np.repeat(s.integral_limits, 3)
+        return record(Gains, np.concatenate([k_p, k_d, k_i * self.period, limit]))
+
+    def limits(self) -> Limits:
+        """Bounds of the wrench, infinite where there are none, and what anti-windup goes by."""
+        upper = np.array(self.settings.wrench_bounds or np.full(6, np.inf))
+        lower = -upper
         if self.settings.wrench_bounds is not None:
-            self._upper = np.array(self.settings.wrench_bounds)
-            self._lower = -self._upper
-            self._lower[2] = 0.0
-        # Total mass, and inertia about {A} at the neutral arm: a missing wrench as acceleration.
-        self._mass = vehicle.mass
-        data = vehicle.create_data()
-        upper = np.triu(pin.crba(vehicle.model, data, vehicle.neutral())[3:6, 3:6])
-        self.rigid_inertia: Array = upper + np.triu(upper, 1).T
-        self._inertia_inverse = np.linalg.inv(self.rigid_inertia)
-
-    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
-        """Empty the integrator."""
-        self.law.reset()
-        self._wrench[:] = 0.0
-
-    def _bound(self) -> None:
-        """Clip the command to `wrench_bounds`; what is cut off drains the integrator."""
-        commanded = self._wrench.copy()
-        np.minimum(self._wrench, self._upper, out=self._wrench)
-        np.maximum(self._wrench, self._lower, out=self._wrench)
-        if not np.array_equal(commanded, self._wrench):
-            self._drain(self._wrench - commanded)
-
-    def _drain(self, missing_W: Array) -> None:
-        R = self.law.rotation
-        missing = missing_W / self._mass
-        missing_A = missing_W[3:].dot(R)
-        R.dot(self._inertia_inverse.dot(missing_A), missing[3:])
-        self.law.drain(missing)
-
-    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
-        """Drain the integrator by what the allocation could not deliver."""
-        self._drain(missing_W)
+            lower[2] = 0.0
+        inverse = np.linalg.inv(rigid_inertia(self.vehicle))[np.triu_indices(3)]
+        scalars = [self.settings.anti_windup * self.period, self.vehicle.mass]
+        return record(Limits, np.concatenate([lower, upper, scalars, inverse]))
 
 
-@register("pid")
+def rigid_inertia(vehicle: Vehicle) -> Array:
+    """Inertia of the whole vehicle about the origin of {A}, arm neutral, {A} axes, (3, 3)."""
+    data = vehicle.create_data()
+    upper = np.triu(pin.crba(vehicle.model, data, vehicle.neutral())[3:6, 3:6])
+    whole: Array = upper + np.triu(upper, 1).T
+    return whole
+
+
 class Pid(PidBase):
     """Eq. (19) on the vehicle taken as one rigid body at rest, with its weight fed forward.
 
@@ -213,26 +262,13 @@ class Pid(PidBase):
     arm, and gravity g: what dc-PID is measured against, since it knows nothing of the arm's pose.
     """
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        settings: PidSettings | None = None,
-        period: float = 0.01,
-        axes: tuple[bool, ...] = ALL_AXES,
-    ) -> None:
-        """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
-        self._weight = np.zeros(6)
-        self._weight[2] = self._mass * vehicle.gravity
+    name = "pid"
+    Memory = PidMemory
+    kernels = LawKernels(start, command, delivered)
 
-    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
-        """U = blkdiag(m 1, R I R^T) u_pid - [m g; 0], world axes; see `Controller.wrench`."""
-        a = self.law.acceleration(measurement, reference, self.u_pid)
-        R, u = self.law.rotation, self._wrench
-        np.multiply(a[:3], self._mass, out=u[:3])
-        u[3:] = R @ (self.rigid_inertia @ (R.T @ a[3:]))
-        u += self._weight
-        self.u_dc[:] = self._weight
-        if self._bounded:
-            self._bound()
-        return u
+    def numbers(self) -> Any:
+        """See `PidNumbers`."""
+        inertia = rigid_inertia(self.vehicle)[np.triu_indices(3)]
+        return PidNumbers(
+            self.gains(), self.limits(), self.vehicle.gravity, tuple(inertia.tolist())
+        )

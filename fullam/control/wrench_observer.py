@@ -1,119 +1,152 @@
-"""Momentum-based observer of the wrench that the nominal model does not explain."""
+"""Momentum-based observer of the wrench that the nominal model does not explain.
+
+The momentum of platform and arm, linear h_f and angular h_tau about the common centre of mass (at
+c from the origin of {A}), changes in world axes by external wrenches alone:
+
+    dh_f = U_f + m g + d_f,    dh_tau = U_tau - c x U_f + d_tau,
+
+whatever the arm does; no Coriolis term, no derivative of the velocity. Everything but d is known:
+h from the measured velocities and the nominal inertias, U from what the allocation delivered,
+followed by the rotors with a first-order lag in {A} axes. The classical observer of rate K,
+d = K (h - int (U + m g + d) dt), is for a wrench held over the period T
+
+    d+ = d + (1 - exp(-K T)) ((h+ - h) / T - U_mean - m g - d),
+
+a first-order low-pass filter on the unexplained wrench. It is taken at the origin of {A} before
+the filter, since gusts and rotors act on the platform and not on the moving centre of mass. d
+contains gusts, contact, and what the nominal masses, inertias and thrust coefficients have wrong.
+An impulse J leaves d = K J behind, which decays with K: cancelling d then takes back just the
+momentum that the impulse brought.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
-from fullam.control.controller import Measurement
-from fullam.dynamics.pose_space import AttitudeView
+from fullam.control.caution import Halves
+from fullam.dynamics.momentum import momentum
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import (
+    Spatial,
+    add_spatial,
+    axpy_spatial,
+    rotate_spatial,
+    rotate_spatial_back,
+    scale_spatial,
+    subtract_spatial,
+)
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.elementary import decay
+from fullam.numbers.kernel import Number, kernel
+from fullam.numbers.vectors import ZERO, Matrix, Vector, add, axpy, cross, rotate, scale, subtract
 
-Array = NDArray[np.float64]
 
+class ObserverNumbers(NamedTuple):
+    """The observer as numbers.
 
-class WrenchObserver:
-    """What pushes the vehicle besides rotors and weight, from its momentum.
-
-    The momentum of platform and arm, linear h_f and angular h_tau about the common centre of mass
-    (at c from the origin of {A}), changes in world axes by external wrenches alone:
-
-        dh_f = U_f + m g + d_f,    dh_tau = U_tau - c x U_f + d_tau,
-
-    whatever the arm does; no Coriolis term, no derivative of the velocity. Everything but d is
-    known: h from the measured velocities and the nominal inertias, U from what the allocation
-    delivered, followed by the rotors with a first-order lag in {A} axes. The classical observer of
-    rate K, d = K (h - int (U + m g + d) dt), is for a wrench held over the period T
-
-        d+ = d + (1 - exp(-K T)) ((h+ - h) / T - U_mean - m g - d),
-
-    a first-order low-pass filter on the unexplained wrench. It is taken at the origin of {A} before
-    the filter, since gusts and rotors act on the platform and not on the moving centre of mass.
-    d contains gusts, contact, and what the nominal masses, inertias and thrust coefficients have
-    wrong. An impulse J leaves d = K J behind, which decays with K: cancelling d then takes back
-    just the momentum that the impulse brought.
-
-    Attributes:
-        wrench: d at the origin of {A}, world axes, shape (6,) [N, N m], live.
+    The period T [s]; K T of force and of moment; m g [N]; of the gap between what the rotors give
+    and what they are asked for: the share that is left after T, and its mean over T.
     """
 
-    def __init__(
-        self, vehicle: Vehicle, period: float, rates: tuple[float, float], lag: float
-    ) -> None:
-        """Bind the nominal vehicle.
+    period: Number
+    rates: Halves
+    weight: Number
+    left: Number
+    mean: Number
 
-        Args:
-            vehicle: The nominal vehicle.
-            period: Time between updates [s].
-            rates: K of force and of moment [rad/s]; 0 switches a half off.
-            lag: Time constant with which the wrench follows its command [s].
-        """
-        self._model, self._data = vehicle.model, vehicle.create_data()
-        self._T = period
-        self._rates = np.repeat(np.asarray(rates, dtype=float), 3)
-        self._gain: Array = 1.0 - np.exp(-self._rates * period)
-        self._decay = float(np.exp(-period / lag)) if lag > 0.0 else 0.0
-        self._mean = lag / period * (1.0 - self._decay)
-        self._weight = np.array([0.0, 0.0, -vehicle.mass * vehicle.gravity])
-        self._q, self._v = vehicle.neutral(), np.zeros(vehicle.model.nv)
-        self._attitude = AttitudeView()
-        self._R: Array = np.eye(3)
-        self._c: Array = np.zeros(3)
-        self._h: Array = np.zeros(6)
-        self._command_A: Array = np.zeros((2, 3))
-        self._actual_A: Array = np.zeros((2, 3))
-        self.wrench: Array = np.zeros(6)
 
-    def reset(self, m: Measurement) -> None:
-        """Nothing unexplained yet; the rotors carry the weight."""
-        c = self._momentum(m, self._h)
-        self._c[:] = c
-        self._R[:] = self._attitude.look(m.q[:7])
-        self.wrench[:] = 0.0
-        hover = np.array([-self._weight, -(pin.skew(c) @ self._weight)])
-        np.dot(hover, self._R, out=self._actual_A)
-        self._command_A[:] = self._actual_A
+class ObserverMemory(NamedTuple):
+    """What the observer saw last.
 
-    def update(self, m: Measurement) -> Array:
-        """Take in the state one period after the last; returns `wrench`."""
-        h = np.empty(6)
-        c = self._momentum(m, h)
-        gap = self._actual_A - self._command_A
-        mean_A = self._command_A + self._mean * gap
-        np.add(self._command_A, self._decay * gap, out=self._actual_A)
-        R = self._attitude.look(m.q[:7])
-        mean_W = mean_A @ (self._R + R).T
-        mean_W *= 0.5
-        self._R[:] = R
-        # The moving arm carries the centre of mass along: what acted had the lever in between.
-        lever = pin.skew(0.5 * (self._c + c))
-        self._c[:] = c
-        unexplained = h - self._h
-        self._h = h
-        unexplained /= self._T
-        unexplained[:3] -= mean_W[0] + self._weight
-        unexplained[3:] -= mean_W[1] - lever @ mean_W[0]
-        unexplained[3:] += lever @ unexplained[:3]
-        unexplained -= self.wrench
-        self.wrench += self._gain * unexplained
-        return self.wrench
+    d at the origin of {A}, world axes; momentum about the centre of mass, where that was, and the
+    attitude, world axes; the wrench asked from the rotors and the wrench that they gave, {A} axes.
+    """
 
-    def slow_down(self, factors: Array) -> None:
-        """Run with K times these factors, shape (6,)."""
-        np.negative(np.expm1(-self._rates * factors * self._T), out=self._gain)
+    wrench: Spatial
+    momentum: Spatial
+    center: Vector
+    attitude: Matrix
+    command: Spatial
+    actual: Spatial
 
-    def applied(self, wrench_W: Array) -> None:
-        """The wrench asked from the rotors for the period that begins, shape (6,), world axes."""
-        np.dot(wrench_W.reshape(2, 3), self._R, out=self._command_A)
 
-    def actual(self) -> Array:
-        """What the rotors give now, by their lag; world axes at the origin of {A}, shape (6,)."""
-        return np.dot(self._actual_A, self._R.T).ravel()
+@kernel
+def momentum_about_center(chain, R, velocity):
+    """Momentum about the centre of mass, and c, both in world axes."""
+    v = rotate_spatial_back(R, velocity)
+    h, c = momentum(chain, v.linear, v.angular)
+    return rotate_spatial(R, h), rotate(R, c)
 
-    def _momentum(self, m: Measurement, out: Array) -> Array:
-        """Write the momentum about the centre of mass; returns c, both in world axes."""
-        self._q[3:], self._v[:] = m.q[3:], m.v
-        # With {A} at the origin of the world the centre of mass stands at c.
-        out[:] = pin.computeCentroidalMomentum(self._model, self._data, self._q, self._v).vector
-        return self._data.com[0]
+
+@kernel
+def nothing_observed(numbers, chain, estimate):
+    """Nothing unexplained yet; the rotors carry the weight."""
+    R = rotation_matrix(estimate.pose.attitude)
+    h, c = momentum_about_center(chain, R, estimate.velocity)
+    lift = (0.0, 0.0, numbers.weight)
+    hover = rotate_spatial_back(R, Spatial(lift, cross(c, lift)))
+    return ObserverMemory(Spatial(ZERO, ZERO), h, c, R, hover, hover)
+
+
+@kernel
+def observed(numbers, factors, chain, estimate, memory):
+    """The observer one period on.
+
+    Args:
+        numbers: `ObserverNumbers`.
+        factors: By how much K is slowed down, `Halves`.
+        chain: The nominal vehicle with its arm in motion.
+        estimate: What is told of the platform.
+        memory: `ObserverMemory`, with the wrench that was asked for since.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    h, c = momentum_about_center(chain, R, estimate.velocity)
+    gap = subtract_spatial(memory.actual, memory.command)
+    mean = axpy_spatial(numbers.mean, gap, memory.command)
+    actual = axpy_spatial(numbers.left, gap, memory.command)
+    mean = add_spatial(rotate_spatial(memory.attitude, mean), rotate_spatial(R, mean))
+    U = scale_spatial(0.5, mean)
+    # The moving arm carries the centre of mass along: what acted had the lever in between.
+    lever = scale(0.5, add(memory.center, c))
+    dh = scale_spatial(1.0 / numbers.period, subtract_spatial(h, memory.momentum))
+    force = add(subtract(dh.linear, U.linear), (0.0, 0.0, numbers.weight))
+    moment = subtract(dh.angular, subtract(U.angular, cross(lever, U.linear)))
+    moment = add(moment, cross(lever, force))  # now at the origin of {A}
+    d = memory.wrench
+    d = Spatial(
+        axpy(decay(numbers.rates.linear * factors.linear), subtract(force, d.linear), d.linear),
+        axpy(
+            decay(numbers.rates.angular * factors.angular), subtract(moment, d.angular), d.angular
+        ),
+    )
+    return ObserverMemory(d, h, c, R, memory.command, actual)
+
+
+@kernel
+def asked(memory, wrench_A):
+    """The observer told of the wrench asked from the rotors until the next period, {A} axes."""
+    m = memory
+    return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual)
+
+
+def observer_numbers(
+    vehicle: Vehicle, period: float, rates: tuple[float, float], lag: float
+) -> ObserverNumbers:
+    """The observer of a nominal vehicle.
+
+    Args:
+        vehicle: The nominal vehicle.
+        period: Time between updates T [s].
+        rates: K of force and of moment [rad/s]; 0 switches a half off.
+        lag: Time constant with which the wrench follows its command [s].
+    """
+    left = float(np.exp(-period / lag)) if lag > 0.0 else 0.0
+    return ObserverNumbers(
+        period,
+        Halves(rates[0] * period, rates[1] * period),
+        vehicle.mass * vehicle.gravity,
+        left,
+        lag / period * (1.0 - left),
+    )

@@ -1,87 +1,103 @@
-"""Integrators on the configuration manifold SE(3) x R^n, with their orders.
+"""Integrators of the platform's motion on SE(3), each rule once, with their orders.
 
-The state is (q, v) in Pinocchio's coordinates; dq = q (+) v dt on the manifold, dv = a(t, q, v).
-The platform's velocity lives in body axes, so a plain Runge-Kutta average of velocities taken at
-different attitudes loses order; `rk4` therefore integrates in the Lie algebra (Runge-Kutta-
-Munthe-Kaas), and the midpoint rule is of order 2 as it stands.
+The state is a pose and a twist in body axes: the pose moves by the twist, the twist by
+`derivative(system, stage, pose, twist)`, where stage 0, 1, 2 is the start, the middle and the end
+of the step and `system` is whatever the derivative wants to know. In machine code the derivative is
+the recursion's; in Python it may be Pinocchio's.
+
+The twist lives in body axes, so a plain Runge-Kutta average of twists taken at different attitudes
+loses order; `rk4` therefore integrates in the Lie algebra (Runge-Kutta-Munthe-Kaas), and the
+midpoint rule is of order 2 as it stands.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
-
+from fullam.dynamics.spatial import Spatial, add_spatial, axpy_spatial, move, scale_spatial
+from fullam.numbers.kernel import kernel
+from fullam.numbers.vectors import add, cross
 from fullam.registry import Registry
 
-Array = NDArray[np.float64]
 
-Acceleration = Callable[[int, Array, Array], Array]
-"""(stage, q, v) -> dv/dt, shape (nv,); stage 0, 1, 2 is the start, middle and end of the step.
+@kernel
+def semi_implicit_euler(derivative, system, pose, twist, dt):
+    """Twist first, then the pose with it. Order 1, one evaluation.
 
-The array may be a live buffer: a rule that keeps it over another evaluation copies it."""
+    Args:
+        derivative: d twist/dt, see the module's first lines.
+        system: What it is evaluated on.
+        pose: At the start of the step.
+        twist: At the start, body axes.
+        dt: Length of the step [s].
 
-Step = Callable[[pin.Model, Acceleration, Array, Array, float], None]
-"""Advance q and v in place by dt."""
-
-
-def semi_implicit_euler(
-    model: pin.Model, acceleration: Acceleration, q: Array, v: Array, dt: float
-) -> None:
-    """Velocity first, v += dt a(q, v), then q = q (+) dt v with it. Order 1, one evaluation."""
-    v += dt * acceleration(0, q, v)
-    q[:] = pin.integrate(model, q, dt * v)
-
-
-def midpoint(model: pin.Model, acceleration: Acceleration, q: Array, v: Array, dt: float) -> None:
-    """Explicit midpoint rule: half an Euler step, then the whole step from there. Order 2."""
-    v_mid = v + (0.5 * dt) * acceleration(0, q, v)
-    q_mid = pin.integrate(model, q, (0.5 * dt) * v)
-    v += dt * acceleration(1, q_mid, v_mid)
-    q[:] = pin.integrate(model, q, dt * v_mid)
+    Returns:
+        Pose and twist at the end, and the derivative evaluated last.
+    """
+    rate = derivative(system, 0, pose, twist)
+    after = axpy_spatial(dt, rate, twist)
+    return move(pose, after, dt), after, rate
 
 
-def _ad(u: Array, w: Array) -> Array:
-    """Lie bracket [u, w] in se(3) of the first six entries; the joints commute."""
-    bracket = np.zeros_like(u)
-    bracket[:6] = pin.Motion(u[:6]).cross(pin.Motion(w[:6])).vector
-    return bracket
+@kernel
+def midpoint(derivative, system, pose, twist, dt):
+    """Half an Euler step, then the whole step from there. Order 2, two evaluations.
+
+    Arguments and results as in `semi_implicit_euler`.
+    """
+    halfway = axpy_spatial(0.5 * dt, derivative(system, 0, pose, twist), twist)
+    rate = derivative(system, 1, move(pose, twist, 0.5 * dt), halfway)
+    return move(pose, halfway, dt), axpy_spatial(dt, rate, twist), rate
 
 
-def _inverse_right_jacobian(u: Array, w: Array) -> Array:
-    """dexp^{-1} for q exp(u): w + [u, w]/2 + [u, [u, w]]/12, exact to the order that RK4 needs."""
-    once = _ad(u, w)
-    return w + 0.5 * once + _ad(u, once) / 12.0
+@kernel
+def bracket(u, w):
+    """Lie bracket [u, w] in se(3)."""
+    return Spatial(
+        add(cross(u.angular, w.linear), cross(u.linear, w.angular)), cross(u.angular, w.angular)
+    )
 
 
-def rk4(model: pin.Model, acceleration: Acceleration, q: Array, v: Array, dt: float) -> None:
+@kernel
+def inverse_right_jacobian(u, w):
+    """Rate of u in q exp(u) for a twist w: w + [u, w]/2 + [u, [u, w]]/12, exact enough for RK4."""
+    once = bracket(u, w)
+    return axpy_spatial(1 / 12, bracket(u, once), axpy_spatial(0.5, once, w))
+
+
+@kernel
+def rk4(derivative, system, pose, twist, dt):
     """Runge-Kutta-Munthe-Kaas with the classical tableau. Order 4, four evaluations.
 
-    The configuration is q (+) u with u(0) = 0 and du/dt = dexp^{-1}_u v, integrated as a vector.
+    The pose is q exp(u) with u(0) = 0, and u is integrated as a vector. Arguments and results as in
+    `semi_implicit_euler`.
     """
-    a1 = acceleration(0, q, v).copy()
-    u1 = v.copy()
+    a1, u1 = derivative(system, 0, pose, twist), twist
 
-    v2 = v + (0.5 * dt) * a1
-    u = (0.5 * dt) * u1
-    a2 = acceleration(1, pin.integrate(model, q, u), v2).copy()
-    u2 = _inverse_right_jacobian(u, v2)
+    v2, u = axpy_spatial(0.5 * dt, a1, twist), scale_spatial(0.5 * dt, u1)
+    a2 = derivative(system, 1, move(pose, u, 1.0), v2)
+    u2 = inverse_right_jacobian(u, v2)
 
-    v3 = v + (0.5 * dt) * a2
-    u = (0.5 * dt) * u2
-    a3 = acceleration(1, pin.integrate(model, q, u), v3).copy()
-    u3 = _inverse_right_jacobian(u, v3)
+    v3, u = axpy_spatial(0.5 * dt, a2, twist), scale_spatial(0.5 * dt, u2)
+    a3 = derivative(system, 1, move(pose, u, 1.0), v3)
+    u3 = inverse_right_jacobian(u, v3)
 
-    v4 = v + dt * a3
-    u = dt * u3
-    a4 = acceleration(2, pin.integrate(model, q, u), v4)
-    u4 = _inverse_right_jacobian(u, v4)
+    v4, u = axpy_spatial(dt, a3, twist), scale_spatial(dt, u3)
+    a4 = derivative(system, 2, move(pose, u, 1.0), v4)
+    u4 = inverse_right_jacobian(u, v4)
 
-    v += (dt / 6.0) * (a1 + 2.0 * (a2 + a3) + a4)
-    q[:] = pin.integrate(model, q, (dt / 6.0) * (u1 + 2.0 * (u2 + u3) + u4))
+    a = add_spatial(add_spatial(a1, a4), scale_spatial(2.0, add_spatial(a2, a3)))
+    u = add_spatial(add_spatial(u1, u4), scale_spatial(2.0, add_spatial(u2, u3)))
+    return (
+        move(pose, scale_spatial(dt * (1 / 6), u), 1.0),
+        axpy_spatial(dt * (1 / 6), a, twist),
+        a4,
+    )
+
+
+Rule = Callable[..., tuple[Any, Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -89,12 +105,12 @@ class Integrator:
     """An integrator and what is known of it.
 
     Attributes:
-        step: The rule.
+        step: The rule, a kernel.
         order: Order of convergence of the global error; a test measures it.
-        evaluations: Accelerations a step asks for.
+        evaluations: Derivatives that a step asks for.
     """
 
-    step: Step
+    step: Rule
     order: int
     evaluations: int
 

@@ -4,6 +4,10 @@ Link 0 is the platform, links 1..n the arm. Every vector is in world axes; the s
 the origin of {A}. All functions take one state or a batch: leading axes are samples, and there
 is no loop over samples, only over links. The axis R_i Z_0 of the paper is R_i `chain.axis[i]`
 here, which is the same for Craig's frames and also right for a URDF's.
+
+The paper's joints are revolute. A prismatic joint does not turn its link; it moves the link's
+origin along the axis z_i = R_i `chain.axis[i]`, which adds z_i theta_i to eq. (6), z_i dtheta_i to
+eq. (9), and 2 w_{i-1} x z_i dtheta_i + z_i ddtheta_i to eq. (11). Its theta is in metres.
 """
 
 from __future__ import annotations
@@ -31,7 +35,8 @@ class Motion:
         w: Angular velocities, shape (..., n+1, 3) [rad/s].
         v: Velocities of the origins, shape (..., n+1, 3) [m/s].
         v_c: Velocities of the centres of mass, shape (..., n+1, 3) [m/s].
-        dtheta: Joint rates, shape (..., n) [rad/s].
+        theta: Joint positions, shape (..., n) [rad or m].
+        dtheta: Joint rates, shape (..., n) [rad/s or m/s].
     """
 
     R: Array
@@ -40,6 +45,7 @@ class Motion:
     w: Array
     v: Array
     v_c: Array
+    theta: Array
     dtheta: Array
 
 
@@ -69,7 +75,7 @@ def attitudes(chain: LinkChain, R_WA: Array, theta: Array) -> Array:
     Args:
         chain: Constants of the links.
         R_WA: Attitude of the platform, shape (..., 3, 3).
-        theta: Joint angles, shape (..., n) [rad].
+        theta: Joint positions, shape (..., n) [rad or m].
 
     Returns:
         Shape (..., n+1, 3, 3).
@@ -77,13 +83,13 @@ def attitudes(chain: LinkChain, R_WA: Array, theta: Array) -> Array:
     batch = np.broadcast_shapes(R_WA.shape[:-2], theta.shape[:-1], chain.mass.shape[:-1])
     R = np.empty((*batch, chain.n + 1, 3, 3))
     R[..., 0, :, :] = R_WA
-    joint = chain.placement_R @ exponential(chain.axis, theta)
+    joint = chain.placement_R @ exponential(chain.axis, np.where(chain.prismatic, 0.0, theta))
     for i in range(1, chain.n + 1):
         R[..., i, :, :] = R[..., i - 1, :, :] @ joint[..., i - 1, :, :]
     return R
 
 
-def positions(chain: LinkChain, R: Array, p_WA: Array) -> tuple[Array, Array]:
+def positions(chain: LinkChain, R: Array, p_WA: Array, theta: Array) -> tuple[Array, Array]:
     """Origins and centres of mass, eq. (6).
 
     p_i = p_{i-1} + R_{i-1} ^{i-1}P_i and p_i^c = p_i + R_i ^iP_i^c.
@@ -92,15 +98,39 @@ def positions(chain: LinkChain, R: Array, p_WA: Array) -> tuple[Array, Array]:
         chain: Constants of the links.
         R: Attitudes of the links, shape (..., n+1, 3, 3).
         p_WA: Position of the origin of {A}, shape (..., 3) [m].
+        theta: Joint positions, shape (..., n) [rad or m].
 
     Returns:
         Origins with the tool point last, (..., n+2, 3), and centres of mass, (..., n+1, 3).
     """
     p = np.empty((*R.shape[:-3], chain.n + 2, 3))
     p[..., 0, :] = p_WA
-    for i in range(1, chain.n + 2):
-        p[..., i, :] = p[..., i - 1, :] + turn(R[..., i - 1, :, :], _offset(chain, i))
+    lever, k = levers(chain, R, theta), chain.tool_link
+    for i in range(1, chain.n + 1):
+        p[..., i, :] = p[..., i - 1, :] + lever[..., i - 1, :]
+    p[..., -1, :] = p[..., k, :] + turn(R[..., k, :, :], chain.tool_P)
     return p, p[..., :-1, :] + turn(R, chain.com)
+
+
+def levers(chain: LinkChain, R: Array, theta: Array) -> Array:
+    """R_{i-1} ^{i-1}P_i from origin to origin, a prismatic joint's z_i theta_i in it; (..., n, 3).
+
+    Args:
+        chain: Constants of the links.
+        R: Attitudes of the links, shape (..., n+1, 3, 3).
+        theta: Joint positions, shape (..., n) [rad or m].
+    """
+    return turn(R[..., :-1, :, :], chain.placement_P) + slides(chain, R) * theta[..., None]
+
+
+def turns(chain: LinkChain, R: Array) -> Array:
+    """Axes z_i = R_i Z_0 of the revolute joints, zero of the prismatic ones; (..., n, 3)."""
+    return turn(R[..., 1:, :, :], np.where(chain.prismatic[..., None], 0.0, chain.axis))
+
+
+def slides(chain: LinkChain, R: Array) -> Array:
+    """Axes z_i = R_i Z_0 of the prismatic joints, zero of the revolute ones; (..., n, 3)."""
+    return turn(R[..., 1:, :, :], np.where(chain.prismatic[..., None], chain.axis, 0.0))
 
 
 def angular_velocities(chain: LinkChain, R: Array, w_W: Array, dtheta: Array) -> Array:
@@ -110,35 +140,40 @@ def angular_velocities(chain: LinkChain, R: Array, w_W: Array, dtheta: Array) ->
         chain: Constants of the links.
         R: Attitudes of the links, shape (..., n+1, 3, 3).
         w_W: Angular velocity of the platform, shape (..., 3) [rad/s].
-        dtheta: Joint rates, shape (..., n) [rad/s].
+        dtheta: Joint rates, shape (..., n) [rad/s or m/s].
     """
     w = np.empty((*R.shape[:-3], chain.n + 1, 3))
     w[..., 0, :] = w_W
-    about_joint = turn(R[..., 1:, :, :], chain.axis) * dtheta[..., None]
+    about_joint = turns(chain, R) * dtheta[..., None]
     for i in range(1, chain.n + 1):
         w[..., i, :] = w[..., i - 1, :] + about_joint[..., i - 1, :]
     return w
 
 
-def velocities(chain: LinkChain, R: Array, w: Array, v_W: Array) -> tuple[Array, Array]:
+def velocities(
+    chain: LinkChain, R: Array, w: Array, v_W: Array, theta: Array, dtheta: Array
+) -> tuple[Array, Array]:
     """Velocities of origins and centres of mass, eq. (9).
 
-    dp_i = dp_{i-1} + w_{i-1} x R_{i-1} ^{i-1}P_i and dp_i^c = dp_i + w_i x R_i ^iP_i^c.
+    dp_i = dp_{i-1} + w_{i-1} x R_{i-1} ^{i-1}P_i and dp_i^c = dp_i + w_i x R_i ^iP_i^c; of a
+    prismatic joint dp_i gains z_i dtheta_i.
 
     Args:
         chain: Constants of the links.
         R: Attitudes of the links, shape (..., n+1, 3, 3).
         w: Angular velocities of the links, shape (..., n+1, 3) [rad/s].
         v_W: Velocity of the origin of {A}, shape (..., 3) [m/s].
+        theta: Joint positions, shape (..., n) [rad or m].
+        dtheta: Joint rates, shape (..., n) [rad/s or m/s].
 
     Returns:
         Two arrays of shape (..., n+1, 3) [m/s].
     """
     v = np.empty((*R.shape[:-3], chain.n + 1, 3))
     v[..., 0, :] = v_W
+    step = cross(w[..., :-1, :], levers(chain, R, theta)) + slides(chain, R) * dtheta[..., None]
     for i in range(1, chain.n + 1):
-        lever = turn(R[..., i - 1, :, :], _offset(chain, i))
-        v[..., i, :] = v[..., i - 1, :] + cross(w[..., i - 1, :], lever)
+        v[..., i, :] = v[..., i - 1, :] + step[..., i - 1, :]
     return v, v + cross(w, turn(R, chain.com))
 
 
@@ -147,10 +182,23 @@ def joint_angular_terms(
 ) -> Array:
     """What a joint adds to the angular acceleration, h_i of eq. (25); shape (..., n, 3).
 
-    h_i = w_i x (R_i Z_0 dtheta_i) + R_i Z_0 ddtheta_i. Arguments as in `angular_accelerations`.
+    h_i = w_i x (R_i Z_0 dtheta_i) + R_i Z_0 ddtheta_i, and 0 of a prismatic joint. Arguments as
+    in `angular_accelerations`.
     """
-    z = turn(R[..., 1:, :, :], chain.axis)
+    z = turns(chain, R)
     return cross(w[..., 1:, :], z * dtheta[..., None]) + z * ddtheta[..., None]
+
+
+def joint_linear_terms(
+    chain: LinkChain, R: Array, w: Array, dtheta: Array, ddtheta: Array
+) -> Array:
+    """What a joint adds to the acceleration of its link's origin; shape (..., n, 3) [m/s^2].
+
+    2 w_{i-1} x z_i dtheta_i + z_i ddtheta_i (Coriolis, and along the axis) of a prismatic joint,
+    and 0 of a revolute one. Arguments as in `angular_accelerations`.
+    """
+    z = slides(chain, R)
+    return 2.0 * cross(w[..., :-1, :], z * dtheta[..., None]) + z * ddtheta[..., None]
 
 
 def angular_accelerations(
@@ -164,8 +212,8 @@ def angular_accelerations(
         chain: Constants of the links.
         R: Attitudes of the links, shape (..., n+1, 3, 3).
         w: Angular velocities of the links, shape (..., n+1, 3) [rad/s].
-        dtheta: Joint rates, shape (..., n) [rad/s].
-        ddtheta: Joint accelerations, shape (..., n) [rad/s^2].
+        dtheta: Joint rates, shape (..., n) [rad/s or m/s].
+        ddtheta: Joint accelerations, shape (..., n) [rad/s^2 or m/s^2].
         dw_W: Angular acceleration of the platform, shape (..., 3) [rad/s^2].
     """
     h = joint_angular_terms(chain, R, w, dtheta, ddtheta)
@@ -183,29 +231,32 @@ def centripetal(w: Array, lever: Array) -> Array:
 
 
 def accelerations(
-    chain: LinkChain, R: Array, w: Array, dw: Array, ddp_W: Array
+    chain: LinkChain, motion: Motion, dw: Array, ddp_W: Array, ddtheta: Array
 ) -> tuple[Array, Array]:
     """Accelerations of origins and centres of mass, eq. (11).
 
     ddp_i = ddp_{i-1} + dw_{i-1} x L + w_{i-1} x (w_{i-1} x L) with L = R_{i-1} ^{i-1}P_i, and
-    ddp_i^c the same from ddp_i with dw_i, w_i and L = R_i ^iP_i^c.
+    ddp_i^c the same from ddp_i with dw_i, w_i and L = R_i ^iP_i^c; ddp_i of a prismatic joint
+    gains `joint_linear_terms`.
 
     Args:
         chain: Constants of the links.
-        R: Attitudes of the links, shape (..., n+1, 3, 3).
-        w: Angular velocities of the links, shape (..., n+1, 3) [rad/s].
+        motion: Positions and velocities of the links.
         dw: Angular accelerations of the links, shape (..., n+1, 3) [rad/s^2].
         ddp_W: Acceleration of the origin of {A}, shape (..., 3) [m/s^2].
+        ddtheta: Joint accelerations, shape (..., n) [rad/s^2 or m/s^2].
 
     Returns:
         Two arrays of shape (..., n+1, 3) [m/s^2].
     """
+    R, w = motion.R, motion.w
     ddp = np.empty((*np.broadcast_shapes(dw.shape[:-2], ddp_W.shape[:-1]), chain.n + 1, 3))
     ddp[..., 0, :] = ddp_W
+    lever = levers(chain, R, motion.theta)
+    step = cross(dw[..., :-1, :], lever) + centripetal(w[..., :-1, :], lever)
+    step = step + joint_linear_terms(chain, R, w, motion.dtheta, ddtheta)
     for i in range(1, chain.n + 1):
-        lever = turn(R[..., i - 1, :, :], _offset(chain, i))
-        rotation = cross(dw[..., i - 1, :], lever) + centripetal(w[..., i - 1, :], lever)
-        ddp[..., i, :] = ddp[..., i - 1, :] + rotation
+        ddp[..., i, :] = ddp[..., i - 1, :] + step[..., i - 1, :]
     to_com = turn(R, chain.com)
     return ddp, ddp + cross(dw, to_com) + centripetal(w, to_com)
 
@@ -227,14 +278,14 @@ def link_motion(
         p_WA: Position of the origin of {A}, shape (..., 3) [m].
         w_W: Angular velocity of the platform in world axes, shape (..., 3) [rad/s].
         v_W: Velocity of the origin of {A} in world axes, shape (..., 3) [m/s].
-        theta: Joint angles, shape (..., n) [rad].
-        dtheta: Joint rates, shape (..., n) [rad/s].
+        theta: Joint positions, shape (..., n) [rad or m].
+        dtheta: Joint rates, shape (..., n) [rad/s or m/s].
     """
     R = attitudes(chain, R_WA, theta)
-    p, p_c = positions(chain, R, p_WA)
+    p, p_c = positions(chain, R, p_WA, theta)
     w = angular_velocities(chain, R, w_W, dtheta)
-    v, v_c = velocities(chain, R, w, v_W)
-    return Motion(R, p, p_c, w, v, v_c, dtheta)
+    v, v_c = velocities(chain, R, w, v_W, theta, dtheta)
+    return Motion(R, p, p_c, w, v, v_c, theta, dtheta)
 
 
 def motion_of(chain: LinkChain, q: Array, v: Array) -> Motion:
@@ -258,14 +309,9 @@ def link_acceleration(
     Args:
         chain: Constants of the links.
         motion: Positions and velocities of the links.
-        ddtheta: Joint accelerations, shape (..., n) [rad/s^2].
+        ddtheta: Joint accelerations, shape (..., n) [rad/s^2 or m/s^2].
         dw_W: Angular acceleration of the platform, world axes, shape (..., 3) [rad/s^2].
         ddp_W: Acceleration of the origin of {A}, world axes, shape (..., 3) [m/s^2].
     """
     dw = angular_accelerations(chain, motion.R, motion.w, motion.dtheta, ddtheta, dw_W)
-    return Acceleration(dw, *accelerations(chain, motion.R, motion.w, dw, ddp_W))
-
-
-def _offset(chain: LinkChain, i: int) -> Array:
-    """^{i-1}P_i, with the tool point as ^nP_{n+1}."""
-    return chain.tool_P if i > chain.n else chain.placement_P[..., i - 1, :]
+    return Acceleration(dw, *accelerations(chain, motion, dw, ddp_W, ddtheta))

@@ -16,7 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.dynamics.kinematics import Motion, centripetal, joint_angular_terms
+from fullam.dynamics.kinematics import (
+    Motion,
+    centripetal,
+    joint_angular_terms,
+    joint_linear_terms,
+)
 from fullam.dynamics.newton_euler import gyroscopic_moments, weights
 from fullam.dynamics.rotations import cross, skew, world_inertia
 from fullam.exceptions import FullamError
@@ -177,7 +182,7 @@ class MatrixSystem:
 
         Args:
             motion: Positions and velocities of the links.
-            ddtheta: Joint accelerations, shape (..., n) [rad/s^2].
+            ddtheta: Joint accelerations, shape (..., n) [rad/s^2 or m/s^2].
             tool_wrench: f_{n+1}, tau_{n+1} on the environment, shape (..., 6); moved to the
                 right-hand side, since they are known.
         """
@@ -186,17 +191,19 @@ class MatrixSystem:
         inertia = world_inertia(motion.R, chain.inertia)
         wIw, G = gyroscopic_moments(chain, motion), weights(chain)
         h = joint_angular_terms(chain, motion.R, motion.w, motion.dtheta, ddtheta)
+        slide = joint_linear_terms(chain, motion.R, motion.w, motion.dtheta, ddtheta)
         for i in range(n + 1):
             self._set(at.moment_rows(i), at.dw(i), inertia[..., i, :, :])
             self.b[..., at.moment_rows(i)] = -wIw[..., i, :]
             self.b[..., at.force_rows(i)] = G[..., i, :]
-            r_out = motion.p[..., i + 1, :] - motion.p_c[..., i, :]
             if i < n:
+                r_out = motion.p[..., i + 1, :] - motion.p_c[..., i, :]
                 self._set(at.moment_rows(i), at.f(i + 1), skew(r_out))
-            elif tool_wrench is not None:
-                f_out, tau_out = tool_wrench[..., :3], tool_wrench[..., 3:]
-                self.b[..., at.moment_rows(i)] -= tau_out + cross(r_out, f_out)
-                self.b[..., at.force_rows(i)] -= f_out
+        if tool_wrench is not None:
+            k, f_out, tau_out = chain.tool_link, tool_wrench[..., :3], tool_wrench[..., 3:]
+            reach = motion.p[..., n + 1, :] - motion.p_c[..., k, :]
+            self.b[..., at.moment_rows(k)] -= tau_out + cross(reach, f_out)
+            self.b[..., at.force_rows(k)] -= f_out
         for i in range(1, n + 1):
             r_in = motion.p[..., i, :] - motion.p_c[..., i, :]
             self._set(at.moment_rows(i), at.f(i), -skew(r_in))
@@ -208,7 +215,9 @@ class MatrixSystem:
             start = motion.p_c[..., 0, :] if i == 1 else motion.p[..., i - 1, :]
             lever = motion.p[..., i, :] - start
             self._set(at.origin_rows(i), at.dw(i - 1), skew(lever))
-            self.b[..., at.origin_rows(i)] = centripetal(motion.w[..., i - 1, :], lever)
+            self.b[..., at.origin_rows(i)] = (
+                centripetal(motion.w[..., i - 1, :], lever) + slide[..., i - 1, :]
+            )
 
     def solve_wrench(self, wrench_W: Array) -> SystemSolution:
         """Solve eq. (21) for the accelerations and joint wrenches under a rotor wrench.
@@ -290,7 +299,13 @@ def platform_inertia(chain: LinkChain, motion: Motion) -> Array:
     return M
 
 
-def compensation(chain: LinkChain, motion: Motion, f_1: Array, tau_1: Array) -> Array:
+def compensation(
+    chain: LinkChain,
+    motion: Motion,
+    f_1: Array,
+    tau_1: Array,
+    tool_wrench: Array | None = None,
+) -> Array:
     """Compensation u_dc of eq. (20), errata applied: force then moment, force row f_1 - G_A.
 
     At the platform's centre of mass the equation reads
@@ -307,6 +322,8 @@ def compensation(chain: LinkChain, motion: Motion, f_1: Array, tau_1: Array) -> 
         motion: Positions and velocities of the links.
         f_1: Force of the platform on link 1, shape (..., 3) [N].
         tau_1: Moment of the platform on link 1, shape (..., 3) [N m].
+        tool_wrench: f_{n+1}, tau_{n+1} on the environment, shape (..., 6). It counts here only
+            when the tool of a vehicle with an arm is on the platform; f_1, tau_1 hold it else.
 
     Returns:
         u_dc in world axes at the origin of {A}, shape (..., 6).
@@ -317,4 +334,8 @@ def compensation(chain: LinkChain, motion: Motion, f_1: Array, tau_1: Array) -> 
     force = f_1 - m * g + m * centripetal(motion.w[..., 0, :], c)
     wIw = gyroscopic_moments(chain, motion)[..., 0, :]
     moment = wIw + tau_1 + cross(motion.p[..., 1, :] - com, f_1)
+    if chain.n and chain.tool_link == 0 and tool_wrench is not None:
+        f_out = tool_wrench[..., :3]
+        force = force + f_out
+        moment = moment + tool_wrench[..., 3:] + cross(motion.p[..., -1, :] - com, f_out)
     return np.concatenate([force, moment + cross(c, force)], axis=-1)

@@ -1,10 +1,11 @@
 """Newton-Euler equations of platform and arm in world axes, eqs. (12)-(13).
 
 f_i, tau_i are the force and moment of link i-1 on link i, in world axes at the origin of {M_i};
-the last row, i = n+1, is the wrench of the end link ON the environment at the tool point. The
-rotor wrench `wrench_W` is force then moment in world axes about the ORIGIN of {A}; inside, eq.
-(12) is written at the platform's centre of mass, wherever that is. Joint rates and accelerations
-are known inputs. One state or a batch, as in `kinematics`.
+the last row, i = n+1, is the wrench of the tool's link ON the environment at the tool point (the
+paper's tool is on link n, a vehicle's may be on any). The rotor wrench `wrench_W` is force then
+moment in world axes about the ORIGIN of {A}; inside, eq. (12) is written at the platform's centre
+of mass, wherever that is. Joint rates and accelerations are known inputs. One state or a batch, as
+in `kinematics`.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ def joint_wrenches(
 
     f_i = m_i ddp_i^c - m_i g + f_{i+1} and
     tau_i = I_i dw_i + w_i x I_i w_i - r_i^in x f_i + tau_{i+1} + r_i^out x f_{i+1},
-    with r_i^in = p_i - p_i^c and r_i^out = p_{i+1} - p_i^c.
+    with r_i^in = p_i - p_i^c and r_i^out = p_{i+1} - p_i^c. A tool on a link before the last gives
+    its f_{n+1}, tau_{n+1} to that link.
 
     Args:
         chain: Constants of the links.
@@ -72,15 +74,37 @@ def joint_wrenches(
     # Row k of f and tau holds joint k + 1, so link i lies between rows i - 1 and i.
     for i in range(chain.n, 0, -1):
         r_in = motion.p[..., i, :] - motion.p_c[..., i, :]
-        r_out = motion.p[..., i + 1, :] - motion.p_c[..., i, :]
-        f[..., i - 1, :] = force[..., i, :] + f[..., i, :]
-        tau[..., i - 1, :] = (
-            moment[..., i, :]
-            - cross(r_in, f[..., i - 1, :])
-            + tau[..., i, :]
-            + cross(r_out, f[..., i, :])
-        )
+        f_out, tau_out = outgoing_wrench(chain, motion, f, tau, i)
+        f[..., i - 1, :] = force[..., i, :] + f_out
+        tau[..., i - 1, :] = moment[..., i, :] - cross(r_in, f[..., i - 1, :]) + tau_out
     return f, tau
+
+
+def outgoing_wrench(
+    chain: LinkChain, motion: Motion, f: Array, tau: Array, i: int
+) -> tuple[Array, Array]:
+    """What link i gives to the next link, and to the tool if it carries it.
+
+    f_{i+1} and tau_{i+1} + r_i^out x f_{i+1}, a moment about the link's centre of mass; the
+    tool's f_{n+1}, tau_{n+1} count for link `chain.tool_link`.
+
+    Args:
+        chain: Constants of the links.
+        motion: Positions and velocities of the links.
+        f: f_1..f_{n+1}, shape (..., n+1, 3) [N].
+        tau: tau_1..tau_{n+1}, shape (..., n+1, 3) [N m].
+        i: Number of the link, 0 for the platform.
+
+    Returns:
+        Force [N] and moment [N m], each of shape (..., 3).
+    """
+    rows = ([i] if i < chain.n else []) + ([chain.n] if i == chain.tool_link else [])
+    force, moment = np.zeros_like(f[..., 0, :]), np.zeros_like(f[..., 0, :])
+    for row in rows:
+        r_out = motion.p[..., row + 1, :] - motion.p_c[..., i, :]
+        force = force + f[..., row, :]
+        moment = moment + tau[..., row, :] + cross(r_out, f[..., row, :])
+    return force, moment
 
 
 def root_wrench(
@@ -88,22 +112,23 @@ def root_wrench(
 ) -> Array:
     """Rotor wrench that eq. (12) asks for, moved from the centre of mass to the origin of {A}.
 
-    U_f = m_A ddp_A^c - m_A g + f_1, U_tau = I_A dw_A + w_A x I_A w_A + tau_1 + r_A^out x f_1.
+    U_f = m_A ddp_A^c - m_A g + f_1, U_tau = I_A dw_A + w_A x I_A w_A + tau_1 + r_A^out x f_1,
+    and what a tool on the platform itself exerts.
 
     Args:
         chain: Constants of the links.
         motion: Positions and velocities of the links.
         acceleration: Accelerations of the links.
-        f: Joint forces, first row f_1, shape (..., n+1, 3) [N].
-        tau: Joint moments, first row tau_1, shape (..., n+1, 3) [N m].
+        f: f_1..f_{n+1}, shape (..., n+1, 3) [N].
+        tau: tau_1..tau_{n+1}, shape (..., n+1, 3) [N m].
 
     Returns:
         wrench_W, shape (..., 6).
     """
     force, moment = inertial_wrenches(chain, motion, acceleration)
-    r_out = motion.p[..., 1, :] - motion.p_c[..., 0, :]
-    U_f = force[..., 0, :] + f[..., 0, :]
-    U_tau = moment[..., 0, :] + tau[..., 0, :] + cross(r_out, f[..., 0, :])
+    f_out, tau_out = outgoing_wrench(chain, motion, f, tau, 0)
+    U_f = force[..., 0, :] + f_out
+    U_tau = moment[..., 0, :] + tau_out
     to_com = motion.p_c[..., 0, :] - motion.p[..., 0, :]
     return np.concatenate([U_f, U_tau + cross(to_com, U_f)], axis=-1)
 
@@ -120,7 +145,7 @@ def inverse_dynamics(
     Args:
         chain: Constants of the links.
         motion: Positions and velocities of the links.
-        ddtheta: Joint accelerations, shape (..., n) [rad/s^2].
+        ddtheta: Joint accelerations, shape (..., n) [rad/s^2 or m/s^2].
         acceleration_W: [ddp_A, dw_A] of the origin of {A}, world axes, shape (..., 6).
         tool_wrench: Wrench on the environment, shape (..., 6).
     """
@@ -164,7 +189,7 @@ def base_acceleration(
     Args:
         chain: Constants of the links.
         motion: Positions and velocities of the links.
-        ddtheta: Joint accelerations, shape (..., n) [rad/s^2].
+        ddtheta: Joint accelerations, shape (..., n) [rad/s^2 or m/s^2].
         wrench_W: Rotor wrench, world axes at the origin of {A}, shape (..., 6).
         tool_wrench: Wrench on the environment, shape (..., 6).
 
@@ -189,14 +214,14 @@ def platform_residual(
     Arguments as in `root_wrench`, with the rotor wrench that is to satisfy the equation.
     """
     inertia = world_inertia(motion.R[..., 0, :, :], chain.inertia[..., 0, :, :])
-    w, f_1, tau_1 = motion.w[..., 0, :], f[..., 0, :], tau[..., 0, :]
-    com = motion.p_c[..., 0, :]
+    w, com = motion.w[..., 0, :], motion.p_c[..., 0, :]
+    f_out, tau_out = outgoing_wrench(chain, motion, f, tau, 0)
     U_f = wrench_W[..., :3]
     U_tau = wrench_W[..., 3:] - cross(com - motion.p[..., 0, :], U_f)
     G = weights(chain)[..., 0, :]
-    force = chain.mass[..., 0, None] * acceleration.ddp_c[..., 0, :] - (U_f - f_1 + G)
+    force = chain.mass[..., 0, None] * acceleration.ddp_c[..., 0, :] - (U_f - f_out + G)
     left = turn(inertia, acceleration.dw[..., 0, :]) + cross(w, turn(inertia, w))
-    moment = left - (U_tau - tau_1 - cross(motion.p[..., 1, :] - com, f_1))
+    moment = left - (U_tau - tau_out)
     return np.concatenate([force, moment], axis=-1)
 
 
@@ -214,10 +239,11 @@ def link_residuals(
     """
     inertia = world_inertia(motion.R, chain.inertia)[..., 1:, :, :]
     w, com = motion.w[..., 1:, :], motion.p_c[..., 1:, :]
-    r_in, r_out = motion.p[..., 1:-1, :] - com, motion.p[..., 2:, :] - com
-    f_in, f_out = f[..., :-1, :], f[..., 1:, :]
+    r_in, f_in = motion.p[..., 1:-1, :] - com, f[..., :-1, :]
+    out = [outgoing_wrench(chain, motion, f, tau, i) for i in range(1, chain.n + 1)]
+    f_out, tau_out = (np.stack(part, axis=-2) for part in zip(*out, strict=True))
     left_force = chain.mass[..., 1:, None] * acceleration.ddp_c[..., 1:, :]
     force = left_force - (f_in - f_out + weights(chain)[..., 1:, :])
     left = turn(inertia, acceleration.dw[..., 1:, :]) + cross(w, turn(inertia, w))
-    right = tau[..., :-1, :] + cross(r_in, f_in) - tau[..., 1:, :] - cross(r_out, f_out)
+    right = tau[..., :-1, :] + cross(r_in, f_in) - tau_out
     return np.concatenate([force, left - right], axis=-1)

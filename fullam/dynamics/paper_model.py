@@ -56,7 +56,7 @@ class PaperModel:
         Args:
             q: Configuration, shape (7 + n,).
             v: Velocity, body axes, shape (6 + n,).
-            ddtheta: Joint accelerations, shape (n,) [rad/s^2].
+            ddtheta: Joint accelerations, shape (n,) [rad/s^2 or m/s^2].
             acceleration_W: Wanted [ddp_A, dw_A], world axes, shape (6,): no algebraic loop.
             wrench_W: Rotor wrench, world axes at the origin of {A}, shape (6,), as the paper
                 has it; give exactly one of the two.
@@ -102,4 +102,4 @@ class PaperModel:
         else:
             end = np.zeros(6) if tool_wrench is None else tool_wrench
             f_1, tau_1 = end[:3], end[3:]
-        return compensation(self.chain, self.system.motion, f_1, tau_1)
+        return compensation(self.chain, self.system.motion, f_1, tau_1, tool_wrench)

@@ -1,14 +1,15 @@
 """The platform and its serial arm as plain arrays, read from a Pinocchio model.
 
 These are the constants of the paper's equations (6)-(13): they are read from the model, so any
-serial arm of revolute joints that a URDF gives is covered, and its joint axes need not be z.
+serial arm of revolute and prismatic joints that a URDF gives is covered, and its joint axes need
+not be z.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.exceptions import UnknownName, VehicleError
+from fullam.model.articulation import build_model
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
@@ -31,17 +33,24 @@ class LinkChain:
     """Constants of link 0 (the platform) and links 1..n, as read-only arrays.
 
     Every array may carry leading axes, one entry per sample, so that a batch of states can have
-    a batch of parameters; see `stack`. Link frames {M_i} are the joint frames after rotation.
+    a batch of parameters; see `stack`. Link frames {M_i} are the joint frames after the motion of
+    the joint: theta_i turns a revolute joint about its axis [rad] and moves a prismatic one along
+    it [m].
 
     Attributes:
         mass: Masses m_i, shape (..., n+1) [kg].
         com: Centres of mass ^iP_i^c in the link's frame, shape (..., n+1, 3) [m].
         inertia: Inertias about the centre of mass in link axes, (..., n+1, 3, 3) [kg m^2].
         placement_R: Rotation {M_{i-1}} to {M_i} at theta_i = 0, shape (..., n, 3, 3).
-        placement_P: ^{i-1}P_i, shape (..., n, 3) [m].
+        placement_P: ^{i-1}P_i at theta_i = 0, shape (..., n, 3) [m].
         axis: Joint axis in {M_i}, unit, shape (..., n, 3); Craig's is z.
-        tool_P: Tool point ^nP_{n+1} in {M_n}, shape (..., 3) [m].
+        tool_P: Tool point in the frame of the link that carries it, ^nP_{n+1} in {M_n} for the
+            paper, shape (..., 3) [m].
         gravity: Acceleration of gravity in {W}, shape (..., 3) [m/s^2].
+        prismatic: Which joints move along their axis, shape (..., n), bool; one value holds for
+            all joints, and none is prismatic unless said.
+        tool_link: Number of the link that carries the tool, 0 for the platform; the last unless
+            said (-1 stands for it).
     """
 
     mass: Array
@@ -52,13 +61,22 @@ class LinkChain:
     axis: Array
     tool_P: Array
     gravity: Array
+    prismatic: NDArray[np.bool_] = field(default_factory=lambda: np.array(False))
+    tool_link: int = -1
 
     def __post_init__(self) -> None:
         """Own the arrays and freeze them."""
-        for field in fields(self):
-            value = np.array(getattr(self, field.name), dtype=float)
+        kinds = np.broadcast_to(np.asarray(self.prismatic, dtype=bool), np.shape(self.axis)[:-1])
+        object.__setattr__(self, "prismatic", kinds)
+        if self.tool_link < 0:
+            object.__setattr__(self, "tool_link", self.n)
+        for entry in fields(self):
+            if entry.name == "tool_link":
+                continue
+            dtype = bool if entry.name == "prismatic" else float
+            value = np.array(getattr(self, entry.name), dtype=dtype)
             value.setflags(write=False)
-            object.__setattr__(self, field.name, value)
+            object.__setattr__(self, entry.name, value)
 
     @property
     def n(self) -> int:
@@ -67,7 +85,7 @@ class LinkChain:
 
     @classmethod
     def from_model(cls, model: pin.Model, tool: str | None = None) -> LinkChain:
-        """Read the chain from a model with a free flyer and a serial arm of revolute joints.
+        """Read the chain from a model with a free flyer and a serial arm.
 
         Args:
             model: The Pinocchio model.
@@ -82,27 +100,26 @@ class LinkChain:
             raise VehicleError(
                 model.name, "root joint", "is no free flyer", "load it with a free-flyer root"
             )
+        subspaces = [_motion_subspace(model, j) for j in joints]
         links = [model.inertias[j] for j in range(ROOT, model.njoints)]
         placements = [model.jointPlacements[j] for j in joints]
-        tool_P = np.zeros(3)
+        tool_P, tool_link = np.zeros(3), -1
         if tool is not None:
             if not model.existFrame(tool):
                 raise UnknownName("frame", tool, [frame.name for frame in model.frames])
             frame = model.frames[model.getFrameId(tool)]
-            if frame.parentJoint != model.njoints - 1:
-                raise VehicleError(
-                    model.name, f"tool '{tool}'", "is not on the last link", "give one that is"
-                )
-            tool_P = frame.placement.translation
+            tool_P, tool_link = frame.placement.translation, frame.parentJoint - ROOT
         return cls(
             mass=np.array([link.mass for link in links]),
             com=np.array([link.lever for link in links]),
             inertia=np.array([link.inertia for link in links]),
             placement_R=np.array([M.rotation for M in placements]).reshape(-1, 3, 3),
             placement_P=np.array([M.translation for M in placements]).reshape(-1, 3),
-            axis=np.array([_revolute_axis(model, j) for j in joints]).reshape(-1, 3),
+            axis=np.array([axis for axis, _ in subspaces]).reshape(-1, 3),
             tool_P=tool_P,
             gravity=model.gravity.linear,
+            prismatic=np.array([prismatic for _, prismatic in subspaces], dtype=bool),
+            tool_link=tool_link,
         )
 
     @classmethod
@@ -122,17 +139,17 @@ class LinkChain:
 
     @classmethod
     def stack(cls, chains: Sequence[LinkChain]) -> LinkChain:
-        """One chain whose arrays have a leading axis over the given ones (of equal n)."""
-        return cls(
-            **{
-                field.name: np.stack([getattr(chain, field.name) for chain in chains])
-                for field in fields(cls)
-            }
-        )
+        """One chain whose arrays have a leading axis over the given ones (of equal n and tool)."""
+        arrays = {
+            entry.name: np.stack([getattr(chain, entry.name) for chain in chains])
+            for entry in fields(cls)
+            if entry.name != "tool_link"
+        }
+        return cls(**arrays, tool_link=chains[0].tool_link)
 
 
-def _revolute_axis(model: pin.Model, joint: int) -> Array:
-    """Unit axis of a revolute joint; VehicleError when it is not one or not in the chain."""
+def _motion_subspace(model: pin.Model, joint: int) -> tuple[Array, bool]:
+    """Unit axis of a joint and whether it is prismatic; VehicleError when it is of another kind."""
     name, kind = model.names[joint], model.joints[joint]
     if model.parents[joint] != joint - 1:
         raise VehicleError(
@@ -144,14 +161,16 @@ def _revolute_axis(model: pin.Model, joint: int) -> Array:
     data = kind.createData()
     if kind.nq == 1 and kind.nv == 1:
         kind.calc(data, np.zeros(1))
-        subspace = np.asarray(data.S, dtype=float).reshape(6)
-        if not np.any(subspace[:3]):
-            return subspace[3:]
+        along, about = np.split(np.asarray(data.S, dtype=float).reshape(6), 2)
+        if not np.any(along):
+            return about, False
+        if not np.any(about):
+            return along, True
     raise VehicleError(
         model.name,
         f"joint '{name}'",
         f"is a {kind.shortname()}",
-        "the arm's joints must be revolute with limits (not continuous, not prismatic)",
+        "the arm's joints must be revolute or prismatic, with one coordinate each",
     )
 
 
@@ -191,7 +210,7 @@ def released_model(vehicle: Vehicle, joint: str) -> pin.Model:
     Its arm has one joint more, at the place of the released one; with the fixed end link of the
     default vehicle ("tool_joint") that is the paper's n = 5.
     """
-    model = pin.buildModelFromXML(release_joint(vehicle.urdf, joint), pin.JointModelFreeFlyer())
+    model = build_model(release_joint(vehicle.urdf, joint))
     model.gravity.linear = vehicle.model.gravity.linear
     model.name = vehicle.model.name
     return model

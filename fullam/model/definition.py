@@ -20,9 +20,10 @@ from fullam.model.rotors import Rotors
 Array = NDArray[np.float64]
 
 TOP_KEYS = (
-    "name", "description", "urdf", "platform", "arm", "tool", "mass", "gravity",
+    "name", "description", "urdf", "platform", "arm", "tool", "held", "mass", "gravity", "physics",
     "rotor_defaults", "rotor", "design",
 )  # fmt: skip
+ARM_KEYS = ("joints", "urdf", "mount", "prefix")
 ROTOR_NUMBERS = ("k_f", "k_tau", "max_speed", "lag")
 ROTOR_OPTIONS = {"min_speed": 0.0}
 """Numbers of a rotor that need not be stated, and what they are then."""
@@ -92,6 +93,43 @@ def names(table: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
     if not isinstance(value, list | tuple) or not all(isinstance(entry, str) for entry in value):
         raise VehicleError(where, key, f"is {value!r}", "give a list of names")
     return tuple(value)
+
+
+def subtable(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    """A table inside the definition; an absent one is empty.
+
+    Raises:
+        VehicleError: If it is not a table.
+    """
+    value = table.get(key, {})
+    if not isinstance(value, Mapping):
+        raise VehicleError(where, key, f"is {value!r}", "give a table, { name = value }")
+    return value
+
+
+def choice(table: Mapping[str, Any], key: str, options: tuple[str, ...], where: str) -> str:
+    """One of a few words; the first of them when absent.
+
+    Raises:
+        VehicleError: If it is none of them.
+    """
+    value = table.get(key, options[0])
+    if value not in options:
+        raise VehicleError(where, key, f"is {value!r}", f"give one of {list(options)}")
+    return str(value)
+
+
+def arm_joints(definition: Mapping[str, Any], where: str) -> tuple[str, ...]:
+    """Names of the arm's joints: `arm` is their list, or a table with `joints`.
+
+    Raises:
+        VehicleError: If it is neither, or has unknown keys.
+    """
+    arm = definition.get("arm", [])
+    if isinstance(arm, Mapping):
+        check_keys(arm, ARM_KEYS if "urdf" in arm else ARM_KEYS[:1], where, "arm")
+        return names(arm, "joints", where)
+    return names(definition, "arm", where)
 
 
 def read_rotors(definition: Mapping[str, Any], model: pin.Model, where: str) -> Rotors:
@@ -193,41 +231,3 @@ def frame_id(model: pin.Model, name: str, where: str, field: str) -> int:
     raise VehicleError(
         where, field, f"'{name}' is not a link of the URDF", f"its links: {', '.join(links)}"
     )
-
-
-def check_arm(arm: tuple[str, ...], model: pin.Model, where: str) -> None:
-    """The arm is the chain of all moving joints behind the free flyer, base to tip.
-
-    Raises:
-        VehicleError: If names, order or the kind of a joint do not fit.
-    """
-    moving = tuple(model.names)[2:]
-    if arm != moving:
-        raise VehicleError(
-            where,
-            "arm",
-            f"is {list(arm)}",
-            f"name all moving joints of the URDF, base to tip: {list(moving)}",
-        )
-    for index, name in enumerate(arm, start=2):
-        if model.parents[index] != index - 1:
-            raise VehicleError(
-                where,
-                "arm",
-                f"branches: joint '{name}' does not follow '{model.names[index - 1]}'",
-                "the arm is one serial chain; fix the other joints in the URDF",
-            )
-        if model.nqs[index] != 1 or model.nvs[index] != 1:
-            raise VehicleError(
-                where,
-                "arm",
-                f"joint '{name}' has {model.nqs[index]} coordinates",
-                "use revolute or prismatic joints with limits",
-            )
-        if model.inertias[index].mass <= 0.0:
-            raise VehicleError(
-                where,
-                f"arm joint '{name}'",
-                "moves a link without mass",
-                "give the link an <inertial>",
-            )

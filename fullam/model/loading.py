@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -11,7 +12,11 @@ from typing import Any
 
 from fullam.exceptions import UnknownName, VehicleError
 from fullam.model import definition as read
+from fullam.model.composition import compose, move_meshes
 from fullam.model.vehicle import Vehicle
+from fullam.model.xacro_files import expand_xacro
+
+URDF_KEYS = ("package", "path", "args")
 
 
 def vehicle_folders() -> tuple[Path, ...]:
@@ -98,23 +103,45 @@ def read_definition(path: Path) -> dict[str, Any]:
 
 
 def read_urdf(definition: Mapping[str, Any], path: Path) -> str:
-    """Text of the URDF that a definition points to.
+    """Text of the URDF that a definition points to, with the arm mounted that it may name.
 
-    `urdf` is a path relative to the TOML, or a table with `package` and `path`: a data package of
-    the environment that installs its robots under share/<package>/robots.
+    `urdf` is a path relative to the TOML, or a table: `path`, `package` (a data package of the
+    environment that installs its robots under share/<package>/robots), and `args` of a xacro file.
+    `arm` may be a table with a `urdf` of its own, see `composition.compose`.
 
     Raises:
-        VehicleError: If it is missing.
+        VehicleError: A file is missing, or the two do not fit together.
+        MissingDependency: A file is a xacro file, and `xacrodoc` is not installed.
     """
-    where, entry = str(path), definition.get("urdf")
-    if isinstance(entry, Mapping):
-        read.check_keys(entry, ("package", "path"), where, "urdf")
-        package = read.text(entry, "package", where)
-        file = _package_file(package, read.text(entry, "path", where), where)
-    else:
-        file = path.parent / read.text(definition, "urdf", where)
+    where = str(path)
+    file = _robot_file(definition, path, "urdf")
+    text = _robot_text(definition, file, where)
+    read.arm_joints(definition, where)  # refuses a key that nobody reads
+    arm = definition.get("arm")
+    if not isinstance(arm, Mapping) or "urdf" not in arm:
+        return text
+    arm_file = _robot_file(arm, path, "arm.urdf")
+    between = os.path.relpath(arm_file.resolve().parent, file.resolve().parent)
+    mounted = move_meshes(_robot_text(arm, arm_file, where), Path(between).as_posix())
+    return compose(text, mounted, arm, read.text(definition, "platform", where), where)
+
+
+def _robot_file(table: Mapping[str, Any], path: Path, field: str) -> Path:
+    where, entry = str(path), table.get("urdf")
+    if not isinstance(entry, Mapping):
+        return path.parent / read.text(table, "urdf", where)
+    read.check_keys(entry, URDF_KEYS, where, field)
+    inner = read.text(entry, "path", where)
+    if "package" in entry:
+        return _package_file(read.text(entry, "package", where), inner, where)
+    return path.parent / inner
+
+
+def _robot_text(table: Mapping[str, Any], file: Path, where: str) -> str:
+    entry = table["urdf"]
+    arguments = read.subtable(entry, "args", where) if isinstance(entry, Mapping) else {}
     try:
-        return file.read_text(encoding="utf-8")
+        text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise VehicleError(
             where,
@@ -122,6 +149,7 @@ def read_urdf(definition: Mapping[str, Any], path: Path) -> str:
             f"'{file}' cannot be read ({error})",
             "give a path relative to the TOML, or {package = ..., path = ...}",
         ) from error
+    return expand_xacro(file, arguments, where) if file.suffix == ".xacro" else text
 
 
 def _package_file(package: str, inner: str, where: str) -> Path:

@@ -110,7 +110,8 @@ def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator
         A vehicle with its own model and rotors. Its `definition` and `urdf` are still the nominal
         ones: they, the uncertainty and the seed rebuild it.
     """
-    factors = _draw(vehicle, uncertainty, rng)
+    drawn = draw_factors(factor_shares(vehicle, uncertainty), rng)
+    factors = {name: drawn[where] for name, where in factor_slices(vehicle).items()}
     model = pin.Model(vehicle.model)
     masses = np.concatenate([factors["platform_mass"], factors["link_masses"]])
     inertias = np.concatenate([factors["platform_inertia"], factors["link_inertias"]])
@@ -131,20 +132,22 @@ def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator
     return replace(vehicle, model=model, rotors=rotors)
 
 
-def _draw(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator) -> dict[str, Array]:
-    counts = {
-        "platform_mass": 1,
-        "platform_inertia": 1,
-        "link_masses": vehicle.n_arm,
-        "link_inertias": vehicle.n_arm,
-        "link_coms": vehicle.n_arm,
-        "k_f": vehicle.rotors.count,
-        "k_tau": vehicle.rotors.count,
-        "lag": vehicle.rotors.count,
-    }
-    factors = {}
-    for name in PARAMETERS:
-        draw = rng.uniform(-1.0, 1.0, counts[name])
-        share = uncertainty.share if name in uncertainty.parameters else 0.0
-        factors[name] = 1.0 + share * draw
-    return factors
+def factor_slices(vehicle: Vehicle) -> dict[str, slice]:
+    """Where the factors of each of `PARAMETERS` stand among all that are drawn."""
+    links, rotors = vehicle.n_arm, vehicle.rotors.count
+    ends = np.cumsum([0, 1, 1, links, links, links, rotors, rotors, rotors]).tolist()
+    return {name: slice(*ends[i : i + 2]) for i, name in enumerate(PARAMETERS)}
+
+
+def factor_shares(vehicle: Vehicle, uncertainty: Uncertainty) -> Array:
+    """How far each factor may be from 1, in the order of the draws; 0 where it is certain."""
+    slices = factor_slices(vehicle)
+    shares = np.zeros(slices[PARAMETERS[-1]].stop)
+    for name in uncertainty.parameters:
+        shares[slices[name]] = uncertainty.share
+    return shares
+
+
+def draw_factors(shares: Array, rng: np.random.Generator) -> Array:
+    """All factors of a true vehicle, 1 + share u with u uniform in [-1, 1]."""
+    return 1.0 + shares * rng.uniform(-1.0, 1.0, shares.size)

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
-from fullam.model.physics import check_links, check_total_mass, parse_urdf
+from fullam.model.articulation import articulate, build_model
+from fullam.model.joints import ArmJoints
+from fullam.model.physics import check_bodies, check_total_mass, parse_urdf
 from fullam.model.rotors import COLUMNS, Rotors
 from fullam.model.wrench_axes import rank_on, require_rank
 
@@ -35,7 +37,7 @@ class Vehicle:
     Attributes:
         name: Short name.
         description: One sentence.
-        urdf: The URDF's text.
+        urdf: The URDF's text, joints that are not the arm's fixed where they are held.
         platform: Link that carries the rotors; its frame is {A}.
         arm_joints: Names of the arm's joints, base to tip.
         tool: Frame at the tip of the arm.
@@ -43,6 +45,8 @@ class Vehicle:
         rotors: The rotors, in {A}.
         definition: The parsed TOML; with `urdf` it rebuilds the vehicle.
         source: File that the definition was read from, if any.
+        remarks: What loading let pass and a user should know: joints that are held, impossible
+            inertias that vanish in a body.
     """
 
     name: str
@@ -55,6 +59,7 @@ class Vehicle:
     rotors: Rotors
     definition: dict[str, Any]
     source: str | None = None
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def from_definition(
@@ -76,11 +81,13 @@ class Vehicle:
         platform = read.text(definition, "platform", where)
         tool = read.text(definition, "tool", where)
         urdf_place = f"{where} (its URDF)"
-        robot = parse_urdf(urdf_text, urdf_place)
-        check_links(robot, urdf_place)
-        _check_root(robot, platform, where)
+        _check_root(parse_urdf(urdf_text, urdf_place), platform, where)
+        arm = read.arm_joints(definition, where)
+        held = read.subtable(definition, "held", where)
+        articulation = articulate(urdf_text, arm, tool, held, where)
+        robot = parse_urdf(articulation.urdf, urdf_place)
         try:
-            model = pin.buildModelFromXML(urdf_text, pin.JointModelFreeFlyer())
+            model = build_model(articulation.urdf)
         except ValueError as error:
             raise VehicleError(
                 urdf_place, "URDF", f"Pinocchio refuses it ({error})", "check joints and limits"
@@ -88,12 +95,11 @@ class Vehicle:
         gravity = read.number(definition.get("gravity", GRAVITY), where, "gravity")
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         model.name = name
-        if model.inertias[1].mass <= 0.0:
-            raise VehicleError(
-                urdf_place, f"link '{platform}'", "has no mass", "give it an <inertial>"
-            )
-        arm = read.names(definition, "arm", where)
-        read.check_arm(arm, model, where)
+        remarks = [articulation.remark] if articulation.held else []
+        if read.choice(definition, "physics", ("check", "trust"), where) == "trust":
+            remarks.append('masses and inertias are not checked: physics = "trust"')
+        else:
+            remarks += check_bodies(model, robot, urdf_place)
         read.frame_id(model, tool, where, "tool")
         if "mass" in definition:
             declared = read.number(definition["mass"], where, "mass")
@@ -101,7 +107,7 @@ class Vehicle:
         return cls(
             name=name,
             description=read.text(definition, "description", where, ""),
-            urdf=urdf_text,
+            urdf=articulation.urdf,
             platform=platform,
             arm_joints=arm,
             tool=tool,
@@ -109,6 +115,7 @@ class Vehicle:
             rotors=read.read_rotors(definition, model, where),
             definition=copy.deepcopy(dict(definition)),
             source=source,
+            remarks=tuple(remarks),
         )
 
     def to_data(self) -> dict[str, Any]:
@@ -153,6 +160,11 @@ class Vehicle:
         return len(self.arm_joints)
 
     @property
+    def joints(self) -> ArmJoints:
+        """Kind, units and limits of the arm's joints."""
+        return ArmJoints.from_model(self.model)
+
+    @property
     def gravity(self) -> float:
         """Gravity [m/s^2], pointing along -z of {W}."""
         return float(-self.model.gravity.linear[2])
@@ -173,12 +185,16 @@ class Vehicle:
         return np.array(self.model.inertias[1].inertia)
 
     def neutral(self, theta: ArrayLike | None = None) -> Array:
-        """A configuration q at the origin of {W}, level, with the arm at `theta` [rad] (or 0).
+        """A configuration q at the origin of {W}, level, with the arm at `theta`.
+
+        Args:
+            theta: Joint positions [rad or m]; 0 by default, or the limit nearest to it.
 
         Raises:
             VehicleError: If `theta` has not one entry per arm joint.
         """
         q = pin.neutral(self.model)
+        q[7:] = np.clip(0.0, self.model.lowerPositionLimit[7:], self.model.upperPositionLimit[7:])
         if theta is not None:
             angles = np.asarray(theta, dtype=float)
             if angles.shape != (self.n_arm,):
@@ -231,6 +247,10 @@ class Vehicle:
 
 def _check_root(robot: ElementTree.Element, platform: str, where: str) -> None:
     children = {child.get("link") for child in robot.iterfind("joint/child")}
+    if robot.find("link") is None:
+        raise VehicleError(
+            where, "URDF", "has no links", "is it a xacro file, or an empty product of one?"
+        )
     roots = [link.get("name") for link in robot.findall("link") if link.get("name") not in children]
     floating = [j.get("name") for j in robot.findall("joint") if j.get("type") == "floating"]
     if floating:

@@ -1,4 +1,7 @@
-"""How the arm moves: prescribed joint motions as data (the servos are position controlled)."""
+"""How the arm moves: prescribed joint motions as data (the servos are position controlled).
+
+Positions are in rad of a revolute joint and in m of a prismatic one.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import ScenarioError
+from fullam.model.joints import ArmJoints
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class ArmTable:
-    """Joint angles, rates and accelerations on a time grid, each of shape (N, n)."""
+    """Joint positions, rates and accelerations on a time grid, each of shape (N, n)."""
 
     theta: Array
     dtheta: Array
@@ -29,7 +33,7 @@ class HoldArm:
     kind: ClassVar[str] = "hold"
 
     def tabulate(self, t: Array, initial: Array) -> ArmTable:
-        """The motion on the grid t [s], from the initial angles [rad]."""
+        """The motion on the grid t [s], from the initial positions [rad or m]."""
         still = np.zeros((t.size, initial.size))
         return ArmTable(still + initial, still, still)
 
@@ -42,7 +46,7 @@ class SineRate:
 
     Attributes:
         joint: Number of the joint, 1 for the first.
-        rate: Amplitude a of the rate [rad/s].
+        rate: Amplitude a of the rate [rad/s, or m/s of a prismatic joint].
         frequency: w [rad/s].
     """
 
@@ -66,7 +70,7 @@ class SineRate:
             )
 
     def tabulate(self, t: Array, initial: Array) -> ArmTable:
-        """The motion on the grid t [s], from the initial angles [rad]."""
+        """The motion on the grid t [s], from the initial positions [rad or m]."""
         if self.joint > initial.size:
             raise ScenarioError(
                 "arm motion",
@@ -84,5 +88,33 @@ class SineRate:
 
 
 ArmMotion = HoldArm | SineRate
+
+
+def tabulate_within_limits(
+    motion: ArmMotion, t: Array, initial: Array, joints: ArmJoints
+) -> ArmTable:
+    """The motion on a time grid, held to the limits that the URDF gives its joints.
+
+    Args:
+        motion: The motion.
+        t: Times, shape (N,) [s].
+        initial: Positions at the start, shape (n,) [rad or m].
+        joints: The arm's joints.
+
+    Raises:
+        ScenarioError: A joint goes beyond its limits, or faster than it can; or the motion does
+            not fit the arm.
+    """
+    table = motion.tabulate(t, initial)
+    problem = joints.position_problem(table.theta) or joints.rate_problem(table.dtheta)
+    if problem is not None:
+        raise ScenarioError(
+            "arm motion",
+            motion.kind,
+            problem,
+            "start elsewhere, move less or slower, or widen the <limit> in the URDF",
+        )
+    return table
+
 
 KINDS: dict[str, type[ArmMotion]] = {c.kind: c for c in (HoldArm, SineRate)}

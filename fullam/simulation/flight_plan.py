@@ -7,6 +7,7 @@ weather), so that the loop only reads rows and every engine starts from the same
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
-from fullam.control.estimator import Datasheet, Estimator, estimator_class
+from fullam.control.estimator import Datasheet, Estimator
+from fullam.control.estimators import estimator_class
+from fullam.control.first_order import FirstOrder
 from fullam.control.tracking import TrackingSettings
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
-from fullam.simulation.arm_motion import ArmTable
+from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.blending import blend_jumps, leaves_jumps
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
@@ -40,7 +43,6 @@ class FlightPlan:
     Attributes:
         scenario: The experiment.
         nominal: The vehicle as the controller knows it.
-        true: The vehicle that flies.
         controller: Name of the controller.
         settings: Its settings.
         simulation: Rates, integrator and sensors.
@@ -52,12 +54,11 @@ class FlightPlan:
         anticipation: Known lags of the commanded motion; None if the controller wants none,
             or if a jump is left in `reference`.
         arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
-        forecast: The draw of the weather.
+        replaced: Another vehicle to fly than the seed's, for studies; see `with_true`.
     """
 
     scenario: Scenario
     nominal: Vehicle
-    true: Vehicle
     controller: str
     settings: Any
     simulation: SimulationSettings
@@ -68,7 +69,7 @@ class FlightPlan:
     reference: ReferenceTable
     anticipation: Anticipation | None
     arm: ArmTable
-    forecast: Forecast
+    replaced: Vehicle | None = None
 
     @classmethod
     def prepare(
@@ -81,7 +82,7 @@ class FlightPlan:
         weather: Weather,
         seed: int,
     ) -> FlightPlan:
-        """Tabulate reference and arm, draw the weather and the true vehicle.
+        """Tabulate reference and arm.
 
         Raises:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
@@ -92,17 +93,13 @@ class FlightPlan:
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
-        angles = np.array(scenario.initial_arm_deg or (0.0,) * vehicle.n_arm, dtype=np.float64)
-        angles *= np.pi / 180.0
-        if angles.shape != (vehicle.n_arm,):
-            raise ScenarioError(
-                f"scenario '{scenario.name}'",
-                "initial_arm_deg",
-                f"has {angles.size} angles",
-                f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints",
-            )
         half_steps = np.arange(2 * (rows - 1) * simulation.substeps + 1, dtype=np.float64)
-        arm = scenario.arm_motion.tabulate(half_steps * (0.5 * simulation.plant_period), angles)
+        arm = tabulate_within_limits(
+            scenario.arm_motion,
+            half_steps * (0.5 * simulation.plant_period),
+            scenario.initial_arm(vehicle),
+            vehicle.joints,
+        )
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
         reference, anticipation = asked, None
         if isinstance(settings, TrackingSettings):
@@ -113,22 +110,19 @@ class FlightPlan:
                 lag = settings.thrust_lag(vehicle) + 0.5 * period
                 anticipation = Anticipation.of(reference, estimator, lag)
                 reference = anticipation.reference
-        draw, true = _draw(weather, seed, t, vehicle)
         plan = cls(
             scenario,
             vehicle,
-            true,
             controller,
             settings,
             simulation,
             weather,
-            int(seed),
+            checked_seed(seed),
             t,
             asked,
             reference,
             anticipation,
             arm,
-            draw,
         )
         if too_far := divergence(plan, 0, scenario.initial_pose):
             raise ScenarioError(
@@ -148,37 +142,52 @@ class FlightPlan:
         Raises:
             ScenarioError: The seed is no whole number from 0 on.
         """
-        draw, true = _draw(self.weather, seed, self.t, self.nominal)
-        return replace(self, seed=int(seed), forecast=draw, true=true)
+        return replace(self, seed=checked_seed(seed))
+
+    def with_true(self, vehicle: Vehicle) -> FlightPlan:
+        """The same flight with a true vehicle of one's own, of the nominal one's joints."""
+        return replace(self, replaced=vehicle)
+
+    @cached_property
+    def forecast(self) -> Forecast:
+        """The weather that the seed draws."""
+        return forecast(self.weather, self.seed, self.t)
+
+    @cached_property
+    def true(self) -> Vehicle:
+        """The vehicle that flies: the seed's, unless it is replaced."""
+        if self.replaced is not None:
+            return self.replaced
+        # A draw of its own: whoever reads `forecast.parameters` moves that generator on.
+        draw = forecast(self.weather, self.seed, self.t)
+        return perturb(self.nominal, self.weather.uncertainty, draw.parameters)
 
     def arm_row(self, k: int) -> int:
         """Row of the arm table that belongs to control period k."""
         return 2 * k * self.simulation.substeps
 
 
-def _draw(weather: Weather, seed: int, t: Array, vehicle: Vehicle) -> tuple[Forecast, Vehicle]:
-    """The weather and the true vehicle of a seed."""
-    if not isinstance(seed, int | np.integer) or seed < 0:
+def checked_seed(seed: int) -> int:
+    """The seed; ScenarioError if it is no whole number from 0 on."""
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
         raise ScenarioError("simulate", "seed", f"is {seed!r}", "give a whole number, 0 or more")
-    draw = forecast(weather, int(seed), t)
-    return draw, perturb(vehicle, weather.uncertainty, draw.parameters)
+    return int(seed)
 
 
 def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:
     """The estimator that the settings name, at their rates; it knows the noise's statistics."""
-    return estimator_class(simulation.estimator)(
-        simulation.control_period,
-        simulation.pose_period or simulation.control_period,
-        simulation.filter_cutoff,
-        Datasheet(
-            position_noise=weather.position_noise,
-            attitude_noise=float(np.radians(weather.attitude_noise_deg)),
-            gyroscope_noise=weather.gyroscope_noise,
-            accelerometer_noise=weather.accelerometer_noise,
-            delay_periods=simulation.delay_periods,
-            gravity=gravity,
-        ),
+    sheet = Datasheet(
+        position_noise=weather.position_noise,
+        attitude_noise=float(np.radians(weather.attitude_noise_deg)),
+        gyroscope_noise=weather.gyroscope_noise,
+        accelerometer_noise=weather.accelerometer_noise,
+        delay_periods=simulation.delay_periods,
+        pose_every=simulation.pose_every,
+        gravity=gravity,
     )
+    cls = estimator_class(simulation.estimator)
+    changes = {"cutoff": simulation.filter_cutoff} if issubclass(cls, FirstOrder) else {}
+    return cls(sheet, cls.Settings(**changes), simulation.control_period)
 
 
 def hover_speeds(plan: FlightPlan, allocator: Allocator) -> Array:

@@ -58,8 +58,8 @@ COLUMNS: dict[str, Column] = {
     "t": Column(0, "s", "time of the controller tick"),
     "pose": Column(7, "m, quaternion xyzw", "true pose of {A} in {W}"),
     "velocity": Column(6, "m/s, rad/s", "true [dp, w] in world axes"),
-    "arm": Column("arm", "rad", "joint angles"),
-    "arm_rate": Column("arm", "rad/s", "joint rates"),
+    "arm": Column("arm", "rad", "joint positions; [m] of prismatic joints"),
+    "arm_rate": Column("arm", "rad/s", "joint rates; [m/s] of prismatic joints"),
     "measured_pose": Column(7, "m, quaternion xyzw", "pose the controller was told: the estimate"),
     "measured_velocity": Column(6, "m/s, rad/s", "[dp, w] it was told, world axes"),
     "reference_pose": Column(7, "m, quaternion xyzw", "pose asked for by the scenario"),
@@ -149,8 +149,13 @@ class Run:
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each column."""
-        return {name: column.unit for name, column in COLUMNS.items()}
+        """Unit of each column; joint by joint where the arm has prismatic ones, "m, rad"."""
+        units = {name: column.unit for name, column in COLUMNS.items()}
+        prismatic = self.vehicle.joints.prismatic
+        if prismatic.any():
+            units["arm"] = ", ".join("m" if slides else "rad" for slides in prismatic)
+            units["arm_rate"] = ", ".join("m/s" if slides else "rad/s" for slides in prismatic)
+        return units
 
     @property
     def euler_xyz(self) -> Array:

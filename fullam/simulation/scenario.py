@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
+from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
@@ -35,7 +36,8 @@ class Scenario:
         vehicle: Name of a vehicle, or path of its TOML.
         initial_position: Position of {A} at the start [m].
         initial_euler_deg: x-y-z Euler angles at the start [deg].
-        initial_arm_deg: Joint angles at the start [deg]; empty means all zero.
+        initial_arm_deg: Joint positions at the start: degrees of a revolute joint, METRES of a
+            prismatic one; empty means at rest, 0 or the limit nearest to it.
         reference: Where the platform should be.
         arm_motion: How the arm moves.
         duration: Length of the flight [s].
@@ -100,6 +102,31 @@ class Scenario:
         return pose_from_euler(
             np.array(self.initial_position), np.radians(np.array(self.initial_euler_deg))
         )
+
+    def initial_arm(self, vehicle: Vehicle) -> Array:
+        """Joint positions at the start, shape (n,) [rad or m].
+
+        Raises:
+            ScenarioError: They do not fit the vehicle's arm, or are beyond a joint's limits.
+        """
+        joints, typed = vehicle.joints, self.initial_arm_deg
+        if typed and len(typed) != vehicle.n_arm:
+            raise ScenarioError(
+                f"scenario '{self.name}'",
+                "initial_arm_deg",
+                f"has {len(typed)} positions",
+                f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints [{joints.unit_list}]",
+            )
+        positions = joints.from_typed(typed) if typed else joints.rest
+        problem = joints.position_problem(positions)
+        if problem is not None:
+            raise ScenarioError(
+                f"scenario '{self.name}'",
+                "initial_arm_deg",
+                problem,
+                f"stay within the limits of '{vehicle.name}' [{joints.unit_list}]",
+            )
+        return positions
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; `from_dict` is the inverse."""

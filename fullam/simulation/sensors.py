@@ -1,63 +1,54 @@
-"""What the vehicle senses of itself: late, slow and noisy poses, and inertial readings."""
+"""What the vehicle senses of itself: late, slow and noisy poses, and inertial readings.
+
+A pose is taken every few control periods and arrives some periods later, so the last true poses
+are kept in a ring, as many as one is old plus one. Nothing here knows of a log.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
-
-from fullam.control.estimator import Readings
-from fullam.dynamics.pose_space import AttitudeView, pose_model
-from fullam.simulation.plant import Plant
-from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.weather import Forecast
-
-Array = NDArray[np.float64]
+from fullam.control.estimator import Inertial
+from fullam.dynamics.so3 import boxplus, rotation_matrix
+from fullam.dynamics.spatial import Pose
+from fullam.numbers.kernel import kernel
+from fullam.numbers.vectors import add, axpy, cross
 
 
-class Sensors:
-    """Fills `Readings` from the plant, once a control period.
+@kernel
+def keep_pose(ring, pose, k):
+    """Put the true pose of control period k into the ring; all periods, in turn."""
+    ring[k % len(ring)] = pose
 
-    Attributes:
-        readings: The readings, rewritten in place.
+
+@kernel
+def sense_pose(ring, noise, last, every, k):
+    """The pose at hand in control period k.
+
+    Args:
+        ring: The last true poses, that of period k included; its length is the age of a reading
+            in control periods, plus one. Before the first one is old enough, all show the start.
+        noise: Of this period: position (world) and attitude (tangent at {A}).
+        last: The reading of the period before.
+        every: Control periods between two readings.
+        k: The control period.
     """
+    if k % int(every) != 0:
+        return last
+    span = len(ring)
+    pose = ring[max(0, k - span + 1) % span]
+    return Pose(add(pose.position, noise.linear), boxplus(pose.attitude, noise.angular))
 
-    def __init__(
-        self, settings: SimulationSettings, forecast: Forecast, gravity: float, poses: Array
-    ) -> None:
-        """Bind the noise and the history of true poses.
 
-        Args:
-            settings: Rate and delay of the pose sensor.
-            forecast: The noise.
-            gravity: [m/s^2].
-            poses: Log of true poses on the control grid, shape (N, 7); a delayed pose is read
-                from it.
-        """
-        self.readings = Readings()
-        self._every, self._delay = settings.pose_every, settings.delay_periods
-        self._forecast, self._poses = forecast, poses
-        self._noisy = bool(forecast.pose_noise.any())
-        self._model = pose_model()
-        self._attitude = AttitudeView()
-        self._gravity = np.array([0.0, 0.0, -gravity])
+@kernel
+def sense_inertial(attitude, velocity, acceleration, gravity, noise):
+    """Gyroscope w and accelerometer R^T (ddp_A - g) = a + w x v - R^T g, in {A} axes.
 
-    def read(self, k: int, plant: Plant) -> Readings:
-        """Readings of control period k; row k of the pose log must be written."""
-        out = self.readings
-        out.pose_is_new = k % self._every == 0
-        if out.pose_is_new:
-            pose = self._poses[max(0, k - self._delay)]
-            if self._noisy:
-                pose = pin.integrate(self._model, pose, self._forecast.pose_noise[k])
-            out.pose[:] = pose
-        out.velocity[:] = plant.v[:6]
-        return out
-
-    def read_inertial(self, k: int, plant: Plant) -> None:
-        """Gyroscope w_A and accelerometer R^T (ddp_A - g), with their noise, into the readings."""
-        v, a, out = plant.v, plant.acceleration, self.readings
-        np.add(v[3:6], self._forecast.gyroscope_noise[k], out=out.gyroscope)
-        R_WA = self._attitude.look(plant.q[:7])
-        out.accelerometer[:] = a[:3] + pin.skew(v[3:6]) @ v[:3] - self._gravity @ R_WA
-        out.accelerometer += self._forecast.accelerometer_noise[k]
+    Args:
+        attitude: True attitude.
+        velocity: True [v_A, w_A], {A} axes.
+        acceleration: Its derivative [dv_A, dw_A], {A} axes, as in Pinocchio.
+        gravity: [m/s^2], along -z of {W}.
+        noise: Of this period, `Inertial`.
+    """
+    R, w = rotation_matrix(attitude), velocity.angular
+    felt = axpy(gravity, R[6:9], add(acceleration.linear, cross(w, velocity.linear)))
+    return Inertial(add(w, noise.gyroscope), add(felt, noise.accelerometer))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fullam.control.estimator import estimator_class
+from fullam.control.estimators import estimator_class
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 

@@ -72,6 +72,16 @@ class Weather:
                 "let a gust end before the next begins",
             )
 
+    @property
+    def noise_scale(self) -> Array:
+        """Standard deviations of the pose noise, shape (6,) [m, rad]."""
+        return np.repeat([self.position_noise, np.radians(self.attitude_noise_deg)], 3)
+
+    @property
+    def gust_scale(self) -> Array:
+        """Standard deviations of a gust, shape (6,) [N, N m]."""
+        return np.repeat([self.force_disturbance, self.moment_disturbance], 3)
+
     def to_dict(self) -> dict[str, Any]:
         """JSON values; an infinite bound becomes None."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -114,6 +124,9 @@ inertial sensors' noise (which their controller did not read) is a small MEMS un
 PAPER = replace(RECORDED, noise_bound=2.5, uncertainty=Uncertainty(share=0.10))
 """As recorded, with the paper's bound of +-25 mm on the noise (2.5 sigma; its +-3 deg would be 3
 sigma) and its +-10 % on the parameters."""
+
+STREAMS = ("noise", "gusts", "inertial", "parameters")
+"""What is random, in the order of the streams that a seed spawns."""
 
 WEATHERS: Registry[Weather] = Registry(
     "weather", {"calm": CALM, "recorded": RECORDED, "paper": PAPER}
@@ -177,36 +190,64 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
         seed: One number; each kind of randomness gets a stream of its own from it.
         t: Control grid [s], shape (N,).
     """
-    streams = np.random.SeedSequence(seed).spawn(4)
-    inertial = streams.pop(2)
-    noise, gusts, parameters = map(np.random.default_rng, streams)
-    sigma = np.repeat([weather.position_noise, np.radians(weather.attitude_noise_deg)], 3)
+    streams = dict(zip(STREAMS, np.random.SeedSequence(seed).spawn(len(STREAMS)), strict=True))
+    noise = np.random.default_rng(streams["noise"])
     pose_noise = noise.standard_normal((t.size, 6))
     while (outside := np.abs(pose_noise) > weather.noise_bound).any():
         pose_noise[outside] = noise.standard_normal(int(outside.sum()))
-    pose_noise *= sigma
-    return Forecast(weather, pose_noise, _gusts(weather, gusts, t), inertial, parameters)
+    pose_noise *= weather.noise_scale
+    gusts = np.random.default_rng(streams["gusts"])
+    parameters = np.random.default_rng(streams["parameters"])
+    disturbance = GustTable.of(weather, t).disturbance(weather, gusts)
+    return Forecast(weather, pose_noise, disturbance, streams["inertial"], parameters)
 
 
-def _gusts(weather: Weather, rng: np.random.Generator, t: Array) -> Array:
-    """Disturbance wrenches, shape (N, 6). Gust k begins after k intervals.
+@dataclass(frozen=True, eq=False)
+class GustTable:
+    """Which gusts each control period holds, as read-only columns; gust k begins after k intervals.
 
     A control period holds the mean over the period of every gust that it touches, so that the
     impulse is the same at every control rate.
+
+    Attributes:
+        periods: Number of control periods N.
+        gusts: Number of gusts to draw; the first, 0, never blows.
+        period: Control period of each entry, shape (E,), int; from the last gust of a period back.
+        gust: Number of its gust, shape (E,), int.
+        share: Share of the period in which that gust blows, shape (E,).
     """
-    period = t[1] - t[0] if t.size > 1 else weather.gust_duration
-    interval, duration = weather.gust_interval, weather.gust_duration
-    end = t + period
-    last = np.floor((end - 1e-9) / interval).astype(int)  # gust to begin within the period
-    scale = np.repeat([weather.force_disturbance, weather.moment_disturbance], 3)
-    draws = rng.standard_normal((int(last.max(initial=0)) + 1, 6)) * scale
-    disturbance = np.zeros((t.size, 6))
-    # Of gusts shorter than the calm between them a short period touches the last one only.
-    for back in range(math.ceil((period + duration) / interval)):
-        number = last - back if back else last
-        start = number * interval
-        overlap = np.minimum(end, start + duration) - np.maximum(t, start)
-        blowing = ((overlap > 0.0) & (number >= 1)).nonzero()[0]
-        share = np.minimum(overlap[blowing] / period, 1.0).round(9)
-        disturbance[blowing] += draws[number[blowing]] * share[:, None]
-    return disturbance
+
+    periods: int
+    gusts: int
+    period: NDArray[np.intp]
+    gust: NDArray[np.intp]
+    share: Array
+
+    @classmethod
+    def of(cls, weather: Weather, t: Array) -> GustTable:
+        """The gusts of a weather on a control grid t [s], shape (N,)."""
+        period = t[1] - t[0] if t.size > 1 else weather.gust_duration
+        interval, duration = weather.gust_interval, weather.gust_duration
+        end = t + period
+        last = np.floor((end - 1e-9) / interval).astype(int)  # gust to begin within the period
+        entries = []
+        # Of gusts shorter than the calm between them a short period touches the last one only.
+        for back in range(math.ceil((period + duration) / interval)):
+            number = last - back if back else last
+            start = number * interval
+            overlap = np.minimum(end, start + duration) - np.maximum(t, start)
+            blowing = ((overlap > 0.0) & (number >= 1)).nonzero()[0]
+            share = np.minimum(overlap[blowing] / period, 1.0).round(9)
+            entries.append((blowing, number[blowing], share))
+        columns = [np.concatenate(column) for column in zip(*entries, strict=True)]
+        for column in columns:
+            column.setflags(write=False)
+        return cls(t.size, int(last.max(initial=0)) + 1, *columns)
+
+    def disturbance(self, weather: Weather, rng: np.random.Generator) -> Array:
+        """Draw the disturbance wrenches, shape (N, 6) [N, N m]."""
+        draws = rng.standard_normal((self.gusts, 6)) * weather.gust_scale
+        disturbance = np.zeros((self.periods, 6))
+        # One after the other: a period may hold several gusts.
+        np.add.at(disturbance, self.period, draws[self.gust] * self.share[:, None])
+        return disturbance

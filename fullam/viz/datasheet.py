@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fullam.analysis.datasheet import Datasheet, rotor_rows
 from fullam.analysis.statistics import Interval
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fullam.analysis.atlas.envelope import Envelope
+
+Array = NDArray[np.float64]
 
 NONE = "–"
 """What stands where there is no figure."""
@@ -78,7 +81,7 @@ def _sections(sheet: Datasheet) -> Iterator[str]:
     yield "<h2>The vehicle</h2>" + _picture(
         draw.figure_drawing(sheet),
         "Discs are the rotors (blue: the drag torque turns left), the short lines their thrust "
-        "axes, the black line the arm at 0, grey the other poses below, + the centre of mass.",
+        "axes, the black line the arm at rest, grey the other poses below, + the centre of mass.",
     )
     yield _masses(sheet) + _rotors(sheet)
     yield "<h2>What it can do, by arm pose</h2>" + _poses(sheet)
@@ -103,14 +106,14 @@ def _pictures(sheet: Datasheet) -> Iterator[str]:
         yield "<p>It hovers level and in no other attitude.</p>"
     yield "<h3>Force and moment beside the weight</h3>" + _picture(
         draw.figure_slices(sheet),
-        "While level, the arm at 0: forces through the centre of mass without turning, moments "
+        "While level, the arm at rest: forces through the centre of mass without turning, moments "
         "without a change of force; + is hover.",
     )
     if leans:
         yield "<h3>Push of the tool</h3>" + _picture(
             draw.figure_push(sheet),
             f"Largest force on the world at {draw.tool_point(sheet.poses[0].envelope)}, the arm "
-            f"at 0; × is the weakest direction drawn. In every direction it is "
+            f"at rest; × is the weakest direction drawn. In every direction it is "
             f"{sheet.capability.push:.2f} N.",
         )
         yield "<h3>Payload</h3>" + _picture(
@@ -127,7 +130,7 @@ def _headline(sheet: Datasheet) -> str:
         text = f"<b>Grounded:</b> it {escape(reasons)}. What needs hover is left out below."
         return f'<p class="warning">{text}</p>'
     boxes = [
-        (f"{_degrees(found.worst_hover_tilt)}°", "of tilt towards anywhere, arm at 0"),
+        (f"{_degrees(found.worst_hover_tilt)}°", "of tilt towards anywhere, arm at rest"),
         (f"{found.thrust_to_weight:.2f}", "thrust to weight, straight up"),
         (f"{found.level_force:.1f} N", "level force in any direction"),
         (f"{found.push:.1f} N", "push of the tool in any direction"),
@@ -148,7 +151,7 @@ def _masses(sheet: Datasheet) -> str:
         for name, body in zip(names, list(bodies)[1:], strict=True)
     ]
     center = sheet.poses[0].envelope.load.center
-    rows.append(["<b>all, arm at 0</b>", f"<b>{vehicle.mass:.4f}</b>",
+    rows.append(["<b>all, arm at rest</b>", f"<b>{vehicle.mass:.4f}</b>",
                  *(f"{1000.0 * x:.1f}" for x in center)])  # fmt: skip
     head = ["Body, by its joint", "mass [kg]", "com x [mm]", "com y [mm]", "com z [mm]"]
     note = "<p>Centres of mass are in the body’s own frame, the last one in {A}.</p>"
@@ -178,8 +181,7 @@ def _poses(sheet: Datasheet) -> str:
     rows = []
     for pose in sheet.poses:
         e = pose.envelope
-        angles = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(pose.theta))
-        rows.append([f"{escape(pose.name)}<small>({angles})°</small>", *_figures(e)])
+        rows.append([f"{escape(pose.name)}<small>{_arm(sheet, pose.theta)}</small>", *_figures(e)])
     head = ["Arm", *FIGURES]
     length = sheet.poses[0].envelope.length
     note = (
@@ -188,6 +190,12 @@ def _poses(sheet: Datasheet) -> str:
         f"{length:.3f} m, the mean distance of the hubs.</p>"
     )
     return _table(head, rows) + note
+
+
+def _arm(sheet: Datasheet, theta: Array) -> str:
+    joints = sheet.vehicle.joints
+    typed = zip(joints.to_typed(theta), joints.units, strict=True)
+    return ", ".join(f"{x:.0f}°" if unit == "deg" else f"{x:.2f} m" for x, unit in typed)
 
 
 def _figures(e: Envelope) -> list[str]:
@@ -213,7 +221,7 @@ def _failures(sheet: Datasheet) -> str:
     head = ["Stopped", "level hover", *FIGURES]
     kept = sum(e.can_hover for e in sheet.failures)
     text = (
-        f"<p>The arm at 0. {kept} of {len(sheet.failures)} single failures leave level hover; "
+        f"<p>The arm at rest. {kept} of {len(sheet.failures)} single failures leave level hover; "
         "thrust to weight is 0 where the other rotors cannot balance the weight at all.</p>"
     )
     return text + _table(head, rows)
@@ -222,14 +230,14 @@ def _failures(sheet: Datasheet) -> str:
 def _limits(sheet: Datasheet) -> str:
     found = sheet.limits
     if found.hover_thrust is None:
-        return "<p>None: it cannot hover with its arm at 0.</p>"
+        return "<p>None: it cannot hover with its arm at rest.</p>"
     rows = [
         ["largest tilt of the set point", _number(found.tilt_deg, 1), "deg", "any arm pose tried"],
         ["horizontal acceleration", _number(found.acceleration, 2), "m/s²", "level, any direction"],
         ["acceleration up", _number(found.up, 2), "m/s²", "level"],
         ["acceleration down", _number(found.down, 2), "m/s²", "level"],
         ["angular acceleration", _number(found.angular_acceleration, 1), "rad/s²", "any axis"],
-        ["payload", _number(found.payload, 2), "kg", "at the tool, arm at 0"],
+        ["payload", _number(found.payload, 2), "kg", "at the tool, arm at rest"],
         ["horizontal force over weight", _number(found.lateral_ratio, 3), "",
          "exact, no reserve: MPC_FA_XY_RATIO and the like"],
         ["hover thrust", _number(found.hover_thrust, 3), "", "of the largest: MPC_THR_HOVER"],
@@ -260,6 +268,8 @@ def _trial(sheet: Datasheet) -> str:
 
 def _agreement(sheet: Datasheet) -> str:
     table = sheet.agreement
+    if table is None:
+        return "<p>The paper’s equations do not hold for this arm; Pinocchio’s do.</p>"
     rows = [
         [escape(row.quantity), f"{row.recursion_pinocchio:.1e}", f"{row.matrix_pinocchio:.1e}",
          f"{row.recursion_matrix:.1e}"]

@@ -144,7 +144,7 @@ def figure_slices(sheet: Datasheet) -> Figure:
 
 
 def figure_push(sheet: Datasheet) -> Figure:
-    """Largest force of the tool on the world over all directions, the arm at 0."""
+    """Largest force of the tool on the world over all directions, the arm at rest."""
     figure = style.new_figure(style.FULL_PAGE, 2.8)
     ax = figure.subplots()
     azimuths, heights = np.linspace(-np.pi, np.pi, 145), np.linspace(-np.pi / 2, np.pi / 2, 73)
@@ -166,7 +166,7 @@ def figure_push(sheet: Datasheet) -> Figure:
 
 
 def figure_payload(sheet: Datasheet) -> Figure:
-    """The worst tilt over the mass at the tool, the arm at 0."""
+    """The worst tilt over the mass at the tool, the arm at rest."""
     figure = style.new_figure(style.HALF_COLUMN * 1.4, 2.3)
     ax = figure.subplots()
     style.style(ax)

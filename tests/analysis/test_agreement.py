@@ -37,7 +37,7 @@ def test_fewer_samples_than_categories_still_try_each(vehicle):
 def test_a_wrong_sign_shows_in_its_row(vehicle, monkeypatch):
     right = matrix_system.compensation
 
-    def printed(chain, motion, f_1, tau_1):
+    def printed(chain, motion, f_1, tau_1, tool_wrench):
         return right(chain, motion, -f_1, tau_1)
 
     monkeypatch.setattr(matrix_system, "compensation", printed)

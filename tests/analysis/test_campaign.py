@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 
 from fullam.analysis import campaign as campaign_module
-from fullam.analysis.campaign import Campaign, Contender, code_digest, fly_batch, sweep
+from fullam.analysis.campaign import Campaign, Contender, fly_slice, sweep
 from fullam.analysis.campaign_store import SCHEMA, CampaignStore, read_campaign
 from fullam.analysis.metrics import measure
 from fullam.exceptions import CampaignError, NonFiniteWrench, UnknownName
@@ -67,7 +67,6 @@ def count_flights(monkeypatch):
 
 
 def test_a_stopped_campaign_continues_and_ends_with_the_same_bytes(tmp_path, finished, monkeypatch):
-    monkeypatch.setattr(campaign_module, "BATCH", {"reference": 3})
     campaign, out = small(traces=True), tmp_path / "again.parquet"
     flown = []
     figures = Campaign._figures
@@ -83,7 +82,7 @@ def test_a_stopped_campaign_continues_and_ends_with_the_same_bytes(tmp_path, fin
         sweep(campaign, out)
     assert not out.exists()
     kept = CampaignStore(out, campaign.identity(), False).keys
-    assert len(kept) == 5  # two whole batches: three seeds and the other two
+    assert len(kept) == 7
     # What a kill in the middle of a write leaves.
     (tmp_path / "again.parquet.parts" / ".half-written.parquet").write_bytes(b"PAR1")
 
@@ -91,8 +90,8 @@ def test_a_stopped_campaign_continues_and_ends_with_the_same_bytes(tmp_path, fin
     counted = count_flights(monkeypatch)
     told = []
     sweep(campaign, out, progress=lambda done, total: told.append((done, total)))
-    assert len(counted) == 5
-    assert told[0] == (5, 10)
+    assert len(counted) == 3
+    assert told[0] == (7, 10)
     assert told[-1] == (10, 10)
     assert out.read_bytes() == finished[0].read_bytes()
 
@@ -185,11 +184,24 @@ def test_an_estimator_of_its_own_shows_in_the_row(tmp_path):
     assert list(table.column("contender")) == ["dc-pid@truth", "dc-pid"]
 
 
-def test_a_worker_with_other_code_is_refused():
+def test_a_worker_where_something_else_would_fly_is_refused():
     campaign = small([0])
-    assert len(fly_batch(campaign, campaign.keys[:1], code_digest())) == 1
-    with pytest.raises(CampaignError, match="one version"):
-        fly_batch(campaign, campaign.keys[:1], "0" * 16)
+    conditions = campaign.conditions()
+    assert len(fly_slice(campaign, conditions, campaign.keys[:1])) == 1
+    for other, message in (
+        ({"code": "0" * 16}, "code"),
+        ({"versions": conditions["versions"] | {"pin": "3.9.0"}}, "pin .* here, 3.9.0 there"),
+        ({"vehicles": {"fullam": "0" * 16}}, "vehicles"),
+        ({"registered": {"controller mine": "0" * 16}}, "registered"),
+    ):
+        with pytest.raises(CampaignError, match=message):
+            fly_slice(campaign, conditions | other, campaign.keys[:1])
+
+
+def test_a_slice_of_work_ends_in_time(monkeypatch):
+    campaign = small(range(5), contenders=("dc-pid",))
+    monkeypatch.setattr(campaign_module, "SLICE", 0.0)
+    assert len(fly_slice(campaign, campaign.conditions(), campaign.keys)) == 1
 
 
 def test_the_fastest_engine_is_chosen_contender_by_contender(tmp_path):

@@ -1,5 +1,6 @@
-"""Campaigns on a real dask scheduler with real worker processes, killed for the purpose."""
+"""Campaigns on worker processes and on real dask schedulers, killed for the purpose."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -12,11 +13,14 @@ import pytest
 
 pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra 'campaign' is not installed")
+psutil = pytest.importorskip("psutil", reason="the extra 'campaign' is not installed")
 
+from fullam.analysis import campaign as campaign_module  # noqa: E402
 from fullam.analysis import cluster as cluster_module  # noqa: E402
 from fullam.analysis.campaign import Campaign, sweep  # noqa: E402
-from fullam.analysis.campaign_store import read_campaign  # noqa: E402
-from fullam.exceptions import CampaignError  # noqa: E402
+from fullam.analysis.campaign_store import CampaignStore, open_store, read_campaign  # noqa: E402
+from fullam.analysis.cluster import Scheduler, map_in_order, open_workers  # noqa: E402
+from fullam.exceptions import CampaignError, FullamWarning  # noqa: E402
 from fullam.simulation.scenario import load_scenario  # noqa: E402
 
 # dask closes a killed worker's sockets when it gets to it.
@@ -26,14 +30,37 @@ SHORT = replace(load_scenario("position-1"), name="short", duration=1.0)
 CAMPAIGN = Campaign((SHORT,), ("pid", "dc-pid"), tuple(range(24)))
 
 SCRIPT = """
-import sys
+import sys, time
 from dataclasses import replace
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.simulation.scenario import load_scenario
 
-if __name__ == "__main__":
-    short = replace(load_scenario("position-1"), name="short", duration=1.0)
-    sweep(Campaign((short,), ("pid", "dc-pid"), tuple(range(24))), sys.argv[1], jobs=2)
+def tell(done, total):
+    print(done, time.monotonic(), flush=True)
+
+short = replace(load_scenario("position-1"), name="short", duration=float(sys.argv[3]))
+campaign = Campaign((short,), ("pid", "dc-pid"), tuple(range(24)))
+sweep(campaign, sys.argv[1], jobs=int(sys.argv[2]), progress=tell)
+"""
+
+OWN = """
+import sys
+from fullam.analysis.campaign import Campaign, sweep
+from fullam.control.controllers import register
+from fullam.control.pid import Pid
+from fullam.simulation.scenario import Scenario
+
+GAIN = 0.9
+
+@register("own")
+class Own(Pid):
+    "A law that no worker can import."
+    def wrench(self, t, measurement, reference):
+        return GAIN * super().wrench(t, measurement, reference)
+
+campaign = Campaign((Scenario("brief", duration=0.2),), ("own",), tuple(range(4)))
+sweep(campaign, sys.argv[1], jobs=1)
+sweep(campaign, sys.argv[2], jobs=2)
 """
 
 
@@ -44,59 +71,253 @@ def one_job(tmp_path_factory):
     return out
 
 
-def test_a_worker_killed_in_mid_run_costs_no_row(tmp_path, one_job):
+def family(pid: int) -> list:
+    """A process and all that it has started."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        process = psutil.Process(pid)
+        return [process, *process.children(recursive=True)]
+    return []
+
+
+def gone(processes: list, seconds: float) -> bool:
+    """Whether all of them end within a time."""
+    return not psutil.wait_procs(processes, timeout=seconds)[1]
+
+
+def test_workers_that_are_killed_cost_no_row(tmp_path, one_job):
+    out, killed = tmp_path / "sweep.parquet", []
+
+    def kill_one(done: int, total: int) -> None:
+        if 0 < done < total and len(killed) < 3:
+            victim = next(p for p in family(os.getpid())[1:] if p.pid not in killed)
+            killed.append(victim.pid)
+            victim.kill()
+
+    sweep(CAMPAIGN, out, jobs=2, progress=kill_one)
+    assert len(killed) == 3
+    assert out.read_bytes() == one_job.read_bytes()
+    assert gone(family(os.getpid())[1:], 5.0)
+
+
+def die(item: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+def complain(item: int) -> int:
+    raise CampaignError("item", "number", f"is {item}", "give another")
+
+
+def test_an_item_that_kills_its_workers_is_given_up():
+    with open_workers(2) as workers, pytest.raises(CampaignError, match="ended 4 of them"):
+        map_in_order(workers, die, [1, 2])
+
+
+def test_an_error_on_a_worker_is_raised_here_and_the_workers_go_on():
+    with open_workers(2) as workers:
+        with pytest.raises(CampaignError, match="item: number: is"):
+            map_in_order(workers, complain, [1, 2, 3])
+        assert map_in_order(workers, abs, [-3, 2, -1]) == [3, 2, 1]
+
+
+def test_nothing_listens_while_local_workers_fly(tmp_path):
+    seen, listening = set(), []
+
+    def look(done: int, total: int) -> None:
+        for process in family(os.getpid()):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                seen.add(process.pid)
+                sockets = process.net_connections(kind="inet")
+                listening.extend(s for s in sockets if s.status == psutil.CONN_LISTEN)
+
+    sweep(CAMPAIGN, tmp_path / "sweep.parquet", jobs=2, progress=look)
+    assert len(seen) >= 3, "both workers were looked at"
+    assert listening == []
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_kill_loses_the_flights_in_the_air_and_half_a_second(tmp_path, jobs):
+    campaign = Campaign((replace(SHORT, duration=4.0),), ("pid", "dc-pid"), tuple(range(24)))
+    out, script = tmp_path / "sweep.parquet", tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(out), str(jobs), "4.0"], stdout=subprocess.PIPE, text=True
+    )
+    told = []
+    for line in process.stdout:
+        done, moment = line.split()
+        if int(done):
+            told.append((int(done), float(moment)))
+        if told and float(moment) > told[0][1] + 1.2:
+            break
+    relatives = family(process.pid)
+    process.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    process.stdout.close()
+    process.wait()
+    assert gone(relatives, 5.0), "workers outlive their parent"
+    assert not out.exists()
+    kept = len(CampaignStore(out, campaign.identity(), False).keys)
+    # A row is told when the store has it; it is in a file half a second later, and a write takes
+    # some hundredths of a second.
+    due = max(done for done, moment in told if moment < killed - 0.6)
+    assert 48 > kept >= due > 0
+    sweep(campaign, out)
+    assert sorted(tmp_path.iterdir()) == [script, out]
+    sweep(campaign, tmp_path / "whole.parquet", jobs=2)
+    assert out.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+
+
+def test_two_campaigns_do_not_write_to_one_file(tmp_path):
     out = tmp_path / "sweep.parquet"
-    killed = []
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
-        pids = list(client.run(os.getpid).values())
-        threads = client.run(os.environ.get, "OMP_NUM_THREADS")
-        assert set(threads.values()) == {"1"}
+    with open_store(out, CAMPAIGN.identity(), False):
+        code = f"import sys; sys.argv = ['', {str(out)!r}, '1', '1.0']\n{SCRIPT}"
+        second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert second.returncode == 1
+        assert "is being written by another process" in second.stderr
+        assert str(os.getpid()) in second.stderr
+        with pytest.raises(CampaignError, match="another process"):
+            sweep(CAMPAIGN, out)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_controller_of_a_script_flies_on_workers_too(tmp_path):
+    outs = [str(tmp_path / name) for name in ("one.parquet", "two.parquet")]
+    # From standard input: there is no file that a worker could import the class from.
+    subprocess.run([sys.executable, "-", *outs], input=OWN, text=True, check=True)
+    assert Path(outs[0]).read_bytes() == Path(outs[1]).read_bytes()
+
+
+@contextlib.contextmanager
+def scheduler(workers: int, security=None):
+    with distributed.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address=":0",
+        security=security,
+        protocol="tls://" if security else "tcp://",
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture
+def certificates(tmp_path):
+    trustme = pytest.importorskip("trustme", reason="the extra 'test' is not installed")
+    authority = trustme.CA()
+    issued = authority.issue_cert("127.0.0.1")
+    paths = {name: str(tmp_path / f"{name}.pem") for name in ("ca_file", "certificate", "key")}
+    authority.cert_pem.write_to_path(paths["ca_file"])
+    issued.cert_chain_pems[0].write_to_path(paths["certificate"])
+    issued.private_key_pem.write_to_path(paths["key"])
+    return paths
+
+
+def test_a_scheduler_behind_tls_opens_to_its_certificates_alone(tmp_path, certificates, one_job):
+    files = {
+        f"tls_{role}_{kind}": certificates[name]
+        for role in ("scheduler", "worker", "client")
+        for kind, name in (("cert", "certificate"), ("key", "key"))
+    }
+    security = distributed.Security(
+        tls_ca_file=certificates["ca_file"], require_encryption=True, **files
+    )
+    with scheduler(2, security) as address:
+        assert address.startswith("tls://")
+        out = tmp_path / "sweep.parquet"
+        sweep(CAMPAIGN, out, scheduler=Scheduler(address, **certificates))
+        with pytest.raises(CampaignError, match="scheduler"), open_workers(1, address):
+            pass
+    assert out.read_bytes() == one_job.read_bytes()
+
+
+def test_a_plain_scheduler_warns_and_a_killed_worker_of_it_costs_no_row(tmp_path, one_job):
+    out, killed = tmp_path / "sweep.parquet", []
+    with scheduler(2) as address:
+        with distributed.Client(address, set_as_default=False) as client:
+            pids = list(client.run(os.getpid).values())
 
         def kill_one(done: int, total: int) -> None:
             if 0 < done < total and not killed:
                 os.kill(pids[0], signal.SIGKILL)
                 killed.append(pids[0])
 
-        sweep(CAMPAIGN, out, scheduler=cluster.scheduler_address, progress=kill_one)
+        with pytest.warns(FullamWarning, match="neither encrypted nor authenticated"):
+            sweep(CAMPAIGN, out, scheduler=address, progress=kill_one)
     assert killed
-    assert len(read_campaign(out)) == 48
     assert out.read_bytes() == one_job.read_bytes()
 
 
-def test_killed_outright_and_started_again_it_ends_with_the_same_file(tmp_path, one_job):
-    out, script = tmp_path / "sweep.parquet", tmp_path / "script.py"
-    parts = out.with_name(out.name + ".parts")
-    script.write_text(SCRIPT, encoding="utf-8")
-    process = subprocess.Popen([sys.executable, str(script), str(out)])
-    end = time.monotonic() + 60.0
-    while len(list(parts.glob("[!.]*.parquet"))) < 2 and time.monotonic() < end:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    kept = len(list(parts.glob("[!.]*.parquet")))
-    assert 2 <= kept < 6, "the sweep was to be killed in its middle"
-    assert not out.exists()
-    table = sweep(CAMPAIGN, out)
-    assert len(table) == 48
-    assert out.read_bytes() == one_job.read_bytes()
-    assert not parts.exists()
+def test_a_scheduler_without_workers_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT", 0.5)
+    with scheduler(0) as address, pytest.warns(FullamWarning) as said:
+
+        class Enough(Exception):  # what stands for Ctrl-C
+            pass
+
+        def stop(*_: object) -> None:
+            raise Enough
+
+        monkeypatch.setattr(cluster_module.warnings, "warn", raising_after(1, stop))
+        with pytest.raises(Enough):
+            sweep(CAMPAIGN, tmp_path / "sweep.parquet", scheduler=address)
+    assert "neither encrypted" in str(said[0].message)
+
+
+def raising_after(count: int, stop):
+    """warnings.warn for some calls, then a function that ends the waiting."""
+    import warnings
+
+    said, warn = [], warnings.warn
+
+    def speak(text, *rest, **options):
+        said.append(text)
+        if len(said) <= count:
+            return warn(text, *rest, **options)
+        assert "has had no workers for 0.5 s" in text
+        return stop()
+
+    return speak
 
 
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
     monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT", 1.0)
     with (
+        pytest.warns(FullamWarning),
         pytest.raises(CampaignError, match="does not answer"),
-        cluster_module.open_workers(1, "tcp://127.0.0.1:9"),
+        open_workers(1, "tcp://127.0.0.1:9"),
     ):
         pass
 
 
+@pytest.mark.parametrize("jobs", [0, -3, 1.5, True, "2", 10**6])
+def test_a_number_of_jobs_that_is_none_is_refused(jobs):
+    with pytest.raises(CampaignError, match="jobs"), open_workers(jobs):
+        pass
+
+
+def test_certificates_that_cannot_be_used_are_named(tmp_path):
+    for settings, message in (
+        ({"address": ""}, "address"),
+        ({"address": "tls://a:1", "ca_file": "ca.pem"}, "certificate, key"),
+        ({"address": "tcp://a:1", "ca_file": "a", "certificate": "b", "key": "c"}, "tls://"),
+        ({"address": "tls://a:1", "ca_file": "a", "certificate": "b", "key": "c"}, "exist"),
+    ):
+        with pytest.raises(CampaignError, match=message):
+            Scheduler(**settings)
+
+
 def test_the_flights_do_not_depend_on_the_folder_they_run_in(tmp_path, one_job, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert Path.cwd() == tmp_path
     assert sweep(CAMPAIGN, one_job).rows.equals(read_campaign(one_job).rows)
+
+
+def test_many_small_parts_become_one(tmp_path, monkeypatch, one_job):
+    monkeypatch.setattr("fullam.analysis.campaign_store.FLUSH", 0.0)
+    monkeypatch.setattr("fullam.analysis.campaign_store.MOST_PARTS", 8)
+    out, most = tmp_path / "sweep.parquet", []
+    parts = tmp_path / "sweep.parquet.parts"
+    sweep(CAMPAIGN, out, progress=lambda *_: most.append(len(list(parts.glob("*")))))
+    assert max(most) <= 8 + 48 // 8
+    assert out.read_bytes() == one_job.read_bytes()
+    assert campaign_module.SLICE < 0.5

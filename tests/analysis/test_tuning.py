@@ -21,8 +21,8 @@ from fullam.analysis.tuning import (
     tuned_names,
     tuned_settings,
 )
-from fullam.control.controller import controller_names, make_settings
-from fullam.exceptions import SettingsError, UnknownName
+from fullam.control.controllers import controller_names, make_settings
+from fullam.exceptions import CampaignError, SettingsError, UnknownName
 from fullam.simulation.simulate import simulate
 
 BEST = {"position_gains": (12.0, 0.5, 7.0), "attitude_gains": (40.0, 2.0, 11.0)}
@@ -72,6 +72,51 @@ def test_an_interrupted_search_leaves_its_best(tmp_path, known_cost):
     costs = [best.cost for best in told]
     assert costs == sorted(costs, reverse=True)
     assert told[-1].evaluations == 51
+
+
+def test_a_stopped_search_goes_on_and_ends_with_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr(tuning, "candidate_cost", bowl)
+    whole, out = tune("dc-pid", budget=60, out=tmp_path / "whole.toml"), tmp_path / "dc-pid.toml"
+    flown = []
+
+    def dies(settings, controller, estimator, engine, flights):
+        if len(flown) == 27:
+            raise KeyboardInterrupt
+        flown.append(settings)
+        return bowl(settings, controller, estimator, engine, flights)
+
+    monkeypatch.setattr(tuning, "candidate_cost", dies)
+    with pytest.raises(KeyboardInterrupt):
+        tune("dc-pid", budget=60, out=out)
+    journal = tmp_path / "dc-pid.toml.journal"
+    # What a kill in the middle of a write leaves.
+    journal.write_bytes(journal.read_bytes() + b"0123456789abcdef [[")
+
+    def counts(*arguments):
+        flown.append(arguments[0])
+        return bowl(*arguments[:1], *[None] * 4)
+
+    monkeypatch.setattr(tuning, "candidate_cost", lambda settings, **options: counts(settings))
+    assert tune("dc-pid", budget=60, out=out) == whole
+    assert len(flown) == 51 + 2, "candidates and validation, each once"
+    assert out.read_bytes() == (tmp_path / "whole.toml").read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["dc-pid.toml", "whole.toml"]
+
+
+def test_costs_of_other_conditions_are_not_continued(tmp_path, known_cost, monkeypatch):
+    out = tmp_path / "dc-pid.toml"
+
+    def stop(best):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tune("dc-pid", budget=30, out=out, progress=stop)
+    with pytest.raises(CampaignError, match="estimator differ"):
+        tune("dc-pid", estimator="truth", budget=30, out=out)
+    seen = []
+    monkeypatch.setattr(tuning, "_vehicles", lambda: seen.append(0) or {"fullam": len(seen) > 2})
+    with pytest.raises(CampaignError, match="was edited"):
+        tune("dc-pid", budget=30, out=tmp_path / "other.toml")
 
 
 def test_what_is_written_is_what_is_read(tmp_path, known_cost, monkeypatch):

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import copy
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from fullam.control import proxqp_referee
-from fullam.control.allocation import Allocation, Allocator, Counters
-from fullam.control.box_qp import BoxLeastSquares
+from fullam.control import allocation, ladder, proxqp_referee
+from fullam.control.active_set_map import value
+from fullam.control.allocation import Allocator
+from fullam.control.allocation_answer import Allocation, Counters
 from fullam.exceptions import (
     AllocationFailed,
     NonFiniteWrench,
@@ -271,7 +273,8 @@ def test_non_finite_wrenches_touch_no_solver(
         raise AssertionError("a solver was touched")
 
     with monkeypatch.context() as patch:
-        patch.setattr(BoxLeastSquares, "solve", touched)
+        for solver in ("exact", "search_about", "search_at_origin"):
+            patch.setattr(allocation, solver, touched)
         patch.setattr(proxqp_referee.ProxQPReferee, "solve", touched)
         for axis in range(6):  # the masked ones too
             wrench = HOVER.copy()
@@ -306,7 +309,7 @@ def test_referee_answers_when_the_active_set_does_not(monkeypatch: pytest.Monkey
     expected = Allocator(ring()).solve(BEYOND)
     allocator = Allocator(ring())
     with monkeypatch.context() as patch:
-        patch.setattr(BoxLeastSquares, "solve", lambda *_: False)
+        patch.setattr(ladder, "solve_box", lambda *_: (False, 0.0, 0.0))
         answer = allocator.solve(BEYOND)
     assert answer.method == allocator.rung == "proxqp"
     assert answer.saturated
@@ -317,12 +320,13 @@ def test_referee_answers_when_the_active_set_does_not(monkeypatch: pytest.Monkey
 def test_wrong_answers_of_the_active_set_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says settled, its KKT residual says otherwise: the referee decides."""
 
-    def wrong(box: BoxLeastSquares, wrench: np.ndarray) -> bool:
-        box.solution[:] = np.clip(box.gain @ wrench, 0.0, 1.0)
-        return True
+    def wrong(box: Any, search: Any, wrench: Any) -> tuple[bool, float, float]:
+        for i, unknown in enumerate(box.unknowns):
+            search.solution[i] = min(max(value(unknown, wrench), 0.0), 1.0)
+        return True, 0.0, 0.0
 
     allocator = Allocator(ring())
-    monkeypatch.setattr(BoxLeastSquares, "solve", wrong)
+    monkeypatch.setattr(ladder, "solve_box", wrong)
     answer = allocator.solve(BEYOND)
     assert answer.method == "proxqp"
     assert answer.kkt_residual() < KKT_TOLERANCE["proxqp"]
@@ -331,7 +335,7 @@ def test_wrong_answers_of_the_active_set_are_not_believed(monkeypatch: pytest.Mo
 def test_when_everything_fails_the_clip_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
     allocator = Allocator(ring())
     with monkeypatch.context() as patch:
-        patch.setattr(BoxLeastSquares, "solve", lambda *_: False)
+        patch.setattr(ladder, "solve_box", lambda *_: (False, 0.0, 0.0))
         patch.setattr(proxqp_referee, "LARGEST_ITERATIONS", 1)
         answer = allocator.solve(BEYOND)
     assert answer.method == "clip"

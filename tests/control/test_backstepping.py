@@ -6,7 +6,8 @@ import pytest
 
 import fullam
 from fullam.control.backstepping import Backstepping, BacksteppingSettings, CompositeBody
-from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import make_controller
 from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
 from fullam.exceptions import SettingsError
 from fullam.model.loading import load_vehicle

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from fullam.control import box_qp
-from fullam.control.box_qp import AT_LOWER, AT_UPPER, FREE, BoxLeastSquares, active_set_map
+from fullam.control import active_set_search
+from fullam.control.active_set_map import AT_LOWER, AT_UPPER, FREE, value
+from fullam.control.active_set_search import Held, Last, kkt_residual, map_of, solve_box
+from fullam.control.box_qp import MOST_UNKNOWNS, BoxLeastSquares, box_lists, six
+from fullam.exceptions import SettingsError
 
 OBJECTIVE_TOLERANCE = 1e-11
 """Relative excess of the cost over scipy's: both are exact up to rounding in sums of squares."""
@@ -118,7 +121,7 @@ def test_agrees_with_scipy(matrix: Callable[[Generator], np.ndarray], eps: float
         for wrench in wrenches(B, rng):
             assert box.solve(wrench)
             assert_minimiser(box, wrench)
-        assert box.cycles == 0
+        assert box.returns == 0
 
 
 def test_warm_start_does_not_change_the_answer() -> None:
@@ -140,18 +143,26 @@ def test_warm_start_does_not_change_the_answer() -> None:
     assert 0 < warm.pivots < 300, "the last set should serve most steps"
 
 
+def start_at(box: BoxLeastSquares, status: np.ndarray, solution: np.ndarray) -> None:
+    """Let a search start from an active set and a point that fits it."""
+    bits = 2.0 ** np.arange(status.size)
+    held = Held(float(bits @ (status == AT_LOWER)), float(bits @ (status == AT_UPPER)))
+    box.search.status[:], box.search.solution[:] = status.tolist(), solution.tolist()
+    box.search.last[0] = Last(held, 1.0)
+
+
 def test_every_stale_start_leads_to_the_same_minimiser() -> None:
     rng = np.random.default_rng(3)
     for _ in range(200):
         B = full_rank(rng)
         n = B.shape[1]
         box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n))
-        status = rng.integers(0, 3, n).astype(np.uint8)
-        box.active = box._set(status.tobytes())
-        box.solution[:] = np.clip(rng.uniform(-0.5, 1.5, n), box.active.least, box.active.most)
+        status = rng.choice([FREE, AT_LOWER, AT_UPPER], size=n)
+        free, at_upper, bits = status == FREE, status == AT_UPPER, 2.0 ** np.arange(n)
+        start_at(box, status, np.where(free, rng.uniform(0.0, 1.0, n), at_upper))
         np.testing.assert_array_equal(box.status, status)
-        assert np.all(box.solution[status == AT_UPPER] == 1.0)
-        assert np.all(box.solution[status == AT_LOWER] == 0.0)
+        held = box.search.last[0].held
+        assert (held.lower, held.upper) == (bits @ (status == AT_LOWER), bits @ at_upper)
         wrench = 3.0 * rng.normal(size=6)
         assert box.solve(wrench)
         assert_minimiser(box, wrench)
@@ -170,27 +181,6 @@ def test_reset_makes_answers_independent_of_history() -> None:
     box.reset()
     box.solve(wrench)
     assert first.tobytes() == box.solution.tobytes()
-
-
-@pytest.mark.parametrize("matrix", [full_rank, few_rotors, duplicates])
-def test_active_set_map_is_the_dense_solution(matrix: Callable[[Generator], np.ndarray]) -> None:
-    """Against the normal equations, at an eps for which they are well conditioned."""
-    rng = np.random.default_rng(5)
-    for _ in range(50):
-        A = matrix(rng)
-        n, eps = A.shape[1], 1e-2
-        prior, upper, d = rng.uniform(size=n), np.ones(n), rng.normal(size=6)
-        status = rng.integers(0, 3, n).astype(np.uint8)
-        gain, offset = active_set_map(status, A, eps, prior, upper)
-        z = gain @ d + offset
-        H, g = A.T @ A + eps * np.eye(n), -A.T @ d - eps * prior
-        free = status == FREE
-        u = (status == AT_UPPER).astype(float)
-        if free.any():
-            u[free] = np.linalg.solve(H[np.ix_(free, free)], -(g + H @ u)[free])
-        slope = (H @ u + g) / np.diag(H)
-        expected = np.where(free, u, np.where(status == AT_UPPER, -slope, slope))
-        np.testing.assert_allclose(z, expected, atol=1e-10)  # condition 1e4 times rounding
 
 
 def test_kkt_residual_by_hand() -> None:
@@ -220,34 +210,109 @@ def test_kkt_residual_exposes_planted_errors() -> None:
         i = rng.integers(n)
         wrong[i] += 1e-3 if u[i] < 0.5 else -1e-3
         assert box.kkt_residual(wrong, wrench) > 0.9e-3
-        clipped = np.clip(box.gain @ wrench + box.offset, 0.0, 1.0)
+        clipped = np.clip(box.packed().unknowns["gain"] @ wrench, 0.0, 1.0)
         clips.append(box.kkt_residual(clipped, wrench))
     assert np.median(clips) > 0.05, "clipping a pseudo-inverse is badly wrong"
 
 
-def test_cycling_is_noticed_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a planted tolerance that frees bounds which must hold, a set comes back."""
-    monkeypatch.setattr(box_qp, "MULTIPLIER_TOLERANCE", -1e3)
+def test_a_set_that_comes_back_raises_the_tolerances(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Planted: a tolerance below zero frees bounds that must hold. Without end, it is noticed."""
+    monkeypatch.setattr(active_set_search, "MULTIPLIER_TOLERANCE", -1e3)
     rng = np.random.default_rng(7)
     B = full_rank(rng)
     n = B.shape[1]
     box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n))
-    assert not box.solve(5.0 * rng.normal(size=6))
-    assert box.cycles == 1
+    wrench = 5.0 * rng.normal(size=6)
+    assert not box.solve(wrench)
+    assert box.returns == active_set_search.MOST_RETURNS + 1
     assert np.all((box.solution >= 0.0) & (box.solution <= 1.0)), "feasible all the same"
 
 
-def test_store_of_sets_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(box_qp, "LARGEST_STORE", 5)
+def test_raised_tolerances_settle_what_rounding_keeps_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Planted rounding, a hundred times the true one, makes sets come back; no answer is lost."""
+    rng, rounding, exactly = np.random.default_rng(0), np.random.default_rng(1), value
+    monkeypatch.setattr(
+        active_set_search, "value", lambda *of: exactly(*of) + 1e-11 * rounding.uniform(-1.0, 1.0)
+    )
+    wrenches, unsettled = 3.0 * rng.normal(size=(30, 6)), {}
+    for most in (0, active_set_search.MOST_RETURNS):
+        monkeypatch.setattr(active_set_search, "MOST_RETURNS", most)
+        unsettled[most] = 0
+        for wrench in wrenches:
+            B = rng.normal(size=(6, 20))
+            box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(20), np.ones(20))
+            unsettled[most] += not box.solve(wrench)
+            if most > 0:
+                assert_minimiser(box, wrench)
+    assert unsettled[active_set_search.MOST_RETURNS] == 0 < unsettled[0]
+
+
+def test_a_full_store_is_emptied_and_changes_nothing() -> None:
+    """Five slots, of which two are used, against a store that holds every set; the same bits."""
     rng = np.random.default_rng(8)
     B = full_rank(rng)
     n = B.shape[1]
     box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n))
+    small, fullest = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n)), 0
+    small.box = box_lists(small.packed(5))
     for _ in range(50):
         wrench = 3.0 * rng.normal(size=6)
         assert box.solve(wrench)
+        assert small.solve(wrench)
+        assert_minimiser(small, wrench)
+        np.testing.assert_array_equal(small.solution, box.solution)
+        used = sum(slot.used for slot in small.box.slots)
+        assert used == small.box.used[0]
+        fullest = max(fullest, used)
+    assert fullest == 2
+
+
+def test_maps_in_the_store_are_told_apart_up_to_fifty_unknowns() -> None:
+    """Sets that differ in one unknown, the last ones too, and each is found where it was put."""
+    rng, n = np.random.default_rng(10), MOST_UNKNOWNS
+    box = BoxLeastSquares(rng.normal(size=(6, n)), WEIGHTS, 1e-6, np.zeros(n), np.ones(n))
+    home = {}
+    for i in range(n):
+        status = [FREE] * n
+        for code, place in ((AT_LOWER, "lower"), (AT_UPPER, "upper")):
+            status[i] = code
+            held = Held(0.0, 0.0)._replace(**{place: 2.0**i})
+            home[held] = map_of(box.box, status, held)
+    assert len(set(home.values())) == 2 * n
+    for held, slot in home.items():
+        assert box.box.slots[slot].held == held
+        assert map_of(box.box, None, held) == slot, "no map is computed again"
+    for _ in range(20):
+        wrench = 20.0 * rng.normal(size=6)
+        assert box.solve(wrench)
         assert_minimiser(box, wrench)
-    assert len(box._sets) <= 5
+    with pytest.raises(SettingsError, match="at most 50"):
+        BoxLeastSquares(np.ones((6, 51)), WEIGHTS, 1e-6, np.zeros(51), np.ones(51))
+
+
+@pytest.mark.parametrize("place", range(6))
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_search_for_what_is_not_finite_ends_and_nan_is_not_believed(
+    place: int, bad: float
+) -> None:
+    rng = np.random.default_rng(11)
+    B = full_rank(rng)
+    n = B.shape[1]
+    box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n))
+    for warm in (False, True):
+        wrench = 3.0 * rng.normal(size=6)
+        wrench[place] = bad
+        solve_box(box.box, box.search, six(wrench))
+        believed = kkt_residual(box.box, box.search.solution, six(wrench))[0] <= KKT_TOLERANCE
+        assert np.all((box.solution >= 0.0) & (box.solution <= 1.0)), "feasible all the same"
+        assert np.isinf(bad) or not believed, "for infinity, full speed or none is the limit"
+        if not warm:
+            box.reset()
+            box.solve(3.0 * rng.normal(size=6))
+    box.reset()
+    wrench = 3.0 * rng.normal(size=6)
+    assert box.solve(wrench)
+    assert_minimiser(box, wrench)
 
 
 def test_pickle_carries_the_warm_start() -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import make_controller
 from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
 from fullam.model.loading import load_vehicle
 

@@ -4,12 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from fullam.control.controller import (
-    Measurement,
-    ReferencePoint,
-    controller_names,
-    make_controller,
-)
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import controller_names, make_controller
 from fullam.model.loading import load_vehicle
 
 

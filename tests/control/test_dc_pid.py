@@ -7,7 +7,8 @@ import pinocchio as pin
 import pytest
 
 import fullam
-from fullam.control.controller import Measurement, ReferencePoint, make_controller, make_settings
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import make_controller, make_settings
 from fullam.control.dc_pid import COMPENSATIONS, JointOneCompensation
 from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
 from fullam.exceptions import SettingsError, UnknownName

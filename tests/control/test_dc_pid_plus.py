@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import fullam
-from fullam.control.controller import Measurement, ReferencePoint, make_controller
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import make_controller
 from fullam.control.dc_pid_plus import DcPidPlusSettings
 from fullam.exceptions import SettingsError
 from fullam.model.loading import load_vehicle

@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from fullam.control import moment_about, proxqp_referee
+from fullam.control import allocation, moment_about, proxqp_referee
 from fullam.control.allocation import Allocator
-from fullam.control.box_qp import BoxLeastSquares
+from fullam.control.box_qp import six
+from fullam.control.moment_about import Response
 from fullam.exceptions import NonFiniteCenter, NonFiniteWrench
 from fullam.model.loading import load_vehicle
 
@@ -58,7 +59,10 @@ def plain_steps(allocator, wrench, center):
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_newton_reaches_the_fixed_point_of_the_plain_steps(name):
-    """From the last demand's active set, however far away; none of 1700 is left unsettled."""
+    """From the last demand's active set, however far away; none of 1700 is left unsettled.
+
+    Every fourth is compared with the plain steps, which take dozens.
+    """
     vehicle = load_vehicle(name)
     allocator, plain = Allocator(vehicle.rotors), Allocator(vehicle.rotors)
     rounds = Counter()
@@ -66,11 +70,13 @@ def test_newton_reaches_the_fixed_point_of_the_plain_steps(name):
         if allocator.exact(wrench) is not None:
             continue
         u = allocator.allocate_about(wrench, center)
-        assert allocator.moment.settled
+        assert allocator.settled
         assert off_fixed_point(allocator, wrench, center) < FIXED_POINT_TOLERANCE
         assert u.min() >= 0.0
         assert u.max() <= 1.0
-        rounds[allocator.moment.rounds] += 1
+        rounds[allocator.rounds] += 1
+        if sum(rounds.values()) % 4:
+            continue
         expected = plain_steps(plain, wrench, center)
         assert expected is not None
         np.testing.assert_allclose(
@@ -95,7 +101,7 @@ def test_a_smooth_demand_takes_one_round(name):
         wrench = middle + 0.8 * reach * np.sin(t + phase)
         if allocator.exact(wrench) is None:
             allocator.allocate_about(wrench, center)
-            rounds[allocator.moment.rounds] += 1
+            rounds[allocator.rounds] += 1
     assert sum(rounds.values()) > 500
     assert rounds[1] > 0.95 * sum(rounds.values())
 
@@ -155,7 +161,7 @@ def test_heavy_loads_far_out_are_settled_but_for_one_in_hundreds():
             continue
         allocator.allocate_about(wrench, center)
         number += 1
-        unsettled += not allocator.moment.settled
+        unsettled += not allocator.settled
         assert off_fixed_point(allocator, wrench, center) < FIXED_POINT_TOLERANCE
     assert unsettled == allocator.counters.unsettled
     assert 0 < unsettled < 0.005 * number
@@ -206,10 +212,10 @@ def test_when_the_active_set_does_not_answer_the_ladder_goes_on(monkeypatch):
     allocator = Allocator(load_vehicle("fullam").rotors)
     allocator.allocate_about(BEYOND, CENTER)
     expected, B = allocator.asked.copy(), allocator.rotors.normalized_coupling
-    monkeypatch.setattr(BoxLeastSquares, "solve", lambda *_: False)
+    monkeypatch.setattr(moment_about, "solve_box", lambda *_: (False, 0.0, 0.0))
     u = allocator.allocate_about(BEYOND, CENTER)  # the set at hand is right, the search is not
     assert allocator.rung == "proxqp"
-    assert not allocator._box.status.any(), "what was not confirmed is no start for the next search"
+    assert allocator.is_cold, "what was not confirmed is no start for the next search"
     np.testing.assert_allclose(allocator.asked, expected, atol=1e-3)
     assert np.linalg.norm(B @ u - allocator.asked) > 1.0
     assert off_fixed_point(allocator, BEYOND, CENTER) < FIXED_POINT_TOLERANCE
@@ -226,7 +232,8 @@ def test_when_the_active_set_does_not_answer_the_ladder_goes_on(monkeypatch):
 
 @pytest.mark.parametrize("place", range(9))
 def test_non_finite_input_touches_no_solver(place, monkeypatch):
-    monkeypatch.setattr(BoxLeastSquares, "solve", lambda *_: pytest.fail("a solver was touched"))
+    for solver in ("exact", "search_about", "search_at_origin"):
+        monkeypatch.setattr(allocation, solver, lambda *_: pytest.fail("a solver was touched"))
     both = np.concatenate([BEYOND, CENTER])
     both[place] = np.nan
     allocator = Allocator(load_vehicle("fullam").rotors)
@@ -260,10 +267,21 @@ def test_newton_step_against_dense_algebra():
         F, M, c = rng.normal(size=(3, 3))
         c *= 0.2
         left = np.eye(3) - pin.skew(c) @ Q
-        response = (*(P - np.eye(3)).ravel(), *Q.ravel(), *r)
-        m = moment_about.newton_step(response, [*F, *M], list(c))
-        if np.linalg.det(left) < moment_about.LEAST_DETERMINANT:
-            assert m is None
-        else:
-            right = M + pin.skew(c) @ (P @ F - F + r)
-            np.testing.assert_allclose(m, np.linalg.solve(left, right), rtol=1e-9, atol=1e-9)
+        columns = (tuple(map(tuple, matrix.T.tolist())) for matrix in (P, Q))
+        response = Response(*columns, tuple(r.tolist()))
+        wrench, center = six(np.concatenate([F, M])), tuple(c.tolist())
+        determinant, m = moment_about.newton_step(response, wrench, center)
+        assert determinant == pytest.approx(np.linalg.det(left), rel=1e-9)
+        right = M + pin.skew(c) @ (P @ F - F + r)
+        # Rounding, magnified by a condition number of up to a thousand.
+        np.testing.assert_allclose(m, np.linalg.solve(left, right), rtol=1e-9, atol=1e-9)
+
+
+def test_newton_step_of_a_singular_system_is_a_number():
+    """[c]x Q with the eigenvalue 1; Python would stop at a division by zero, lanes would not."""
+    turn = Response(
+        ((0.0,) * 3,) * 3, ((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)), (0.0,) * 3
+    )
+    determinant, m = moment_about.newton_step(turn, six(BEYOND), (1.0, 0.0, 0.0))
+    assert determinant == 0.0
+    assert np.isfinite(m).all()

@@ -8,18 +8,25 @@ from fullam.analysis.random_states import randomized_inertias
 from fullam.model.loading import load_vehicle
 
 
-def random_chain(n, rng):
-    """A free-flying chain of n revolute joints, axes and placements random, tool off the origin."""
+def random_chain(joints, rng, tool_link=None):
+    """A free-flying chain with random axes and placements, and a tool off the origin.
+
+    `joints` is their number, all revolute, or a text with R and P for each: "RPR". The tool is on
+    the last link unless another is said (0 is the platform).
+    """
+    kinds = "R" * joints if isinstance(joints, int) else joints
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-    for i in range(1, n + 1):
+    for i, kind in enumerate(kinds, start=1):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         turn = pin.exp3(rng.uniform(-2, 2, 3))
         placement = pin.SE3(turn, rng.uniform(-0.3, 0.3, 3))
-        model.addJoint(i, pin.JointModelRevoluteUnaligned(axis), placement, f"joint_{i}")
+        unaligned = {"R": pin.JointModelRevoluteUnaligned, "P": pin.JointModelPrismaticUnaligned}
+        model.addJoint(i, unaligned[kind](axis), placement, f"joint_{i}")
     tool = pin.SE3(pin.exp3(rng.uniform(-2, 2, 3)), rng.uniform(-0.3, 0.3, 3))
-    model.addFrame(pin.Frame("tool", n + 1, 0, tool, pin.FrameType.OP_FRAME))
+    link = len(kinds) if tool_link is None else tool_link
+    model.addFrame(pin.Frame("tool", link + 1, 0, tool, pin.FrameType.OP_FRAME))
     return randomized_inertias(model, rng)
 
 

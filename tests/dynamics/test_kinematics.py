@@ -39,18 +39,20 @@ class Path:
         turned = self.w * t + self.dw * (t * t / 2)
         angle = np.linalg.norm(turned, axis=1)
         axis = turned / np.where(angle > 0, angle, 1.0)[:, None]
-        theta = self.theta + self.dtheta * t + self.ddtheta * (t * t / 2)
-        return kin.attitudes(self.chain, exponential(axis, angle) @ self.R, theta)
+        return kin.attitudes(self.chain, exponential(axis, angle) @ self.R, self.joints(t))
+
+    def joints(self, t):
+        return self.theta + self.dtheta * t + self.ddtheta * (t * t / 2)
 
     def positions(self, t):
         at_t = self.p + self.v * t + self.a * (t * t / 2)
-        p, p_c = kin.positions(self.chain, self.attitudes(t), at_t)
+        p, p_c = kin.positions(self.chain, self.attitudes(t), at_t, self.joints(t))
         return np.concatenate([p[:, :-1], p_c], axis=1)
 
 
-@pytest.fixture(params=[1, 3, 6])
+@pytest.fixture(params=["R", "RRR", "RRRRRR", "P", "RPR", "PRPPR"])
 def path(request, make_chain):
-    rng = np.random.default_rng(request.param)
+    rng = np.random.default_rng(len(request.param))
     return Path(LinkChain.from_model(make_chain(request.param, rng), "tool"), rng)
 
 

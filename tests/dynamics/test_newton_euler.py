@@ -40,10 +40,20 @@ class Case:
         )
 
 
+SYSTEMS = {"RRRR": 4, "PRRP": 4, "RRRR, tool on link 2": 2, "RPRR, tool on the platform": 0}
+"""Kinds of the joints, and the link that carries the tool."""
+
+
+@pytest.fixture(scope="module", params=SYSTEMS)
+def chain(request, make_chain):
+    joints, tool_link = request.param[:4], SYSTEMS[request.param]
+    model = make_chain(joints, np.random.default_rng(3), tool_link)
+    return LinkChain.from_model(model, "tool")
+
+
 @pytest.fixture(scope="module", params=CATEGORIES)
-def case(request, make_chain):
-    rng = np.random.default_rng(3)
-    return Case(LinkChain.from_model(make_chain(4, rng), "tool"), request.param)
+def case(request, chain):
+    return Case(chain, request.param)
 
 
 def test_residual_of_12_vanishes(case):
@@ -84,9 +94,10 @@ def test_momentum_of_the_whole_vehicle_changes_by_the_outer_wrenches(case):
     np.testing.assert_allclose(total_moment, outer_moment, atol=RELATIVE * case.scale)
 
 
-def test_energy_balance_holds_the_power_of_the_joints(make_chain):
-    """dE/dt = rotor power + joint power, with E from (8)(9) alone and tau from (13)."""
-    chain = LinkChain.from_model(make_chain(3, np.random.default_rng(8)), "tool")
+@pytest.mark.parametrize("joints", ["RRR", "PRP"])
+def test_energy_balance_holds_the_power_of_the_joints(make_chain, joints):
+    """dE/dt = rotor power + joint power, with E from (8)(9) alone and f, tau from (13)."""
+    chain = LinkChain.from_model(make_chain(joints, np.random.default_rng(8)), "tool")
     case = Case(chain, "ordinary")
     m, a = case.motion, case.acceleration
     inertia = m.R @ chain.inertia @ np.swapaxes(m.R, -1, -2)
@@ -97,7 +108,9 @@ def test_energy_balance_holds_the_power_of_the_joints(make_chain):
     )
     potential = -np.sum(m.v_c * ne.weights(chain), axis=(1, 2))
     rotors = np.sum(case.wrench_W * np.concatenate([m.v[:, 0], m.w[:, 0]], axis=1), axis=1)
+    sliding = kin.slides(chain, m.R) * m.dtheta[..., None]
     joints = np.sum(case.tau[:, :-1] * (m.w[:, 1:] - m.w[:, :-1]), axis=(1, 2))
+    joints += np.sum(case.f[:, :-1] * sliding, axis=(1, 2))
     scale = np.abs(kinetic).max()
     np.testing.assert_allclose(kinetic + potential, rotors + joints, atol=RELATIVE * scale)
 

@@ -45,6 +45,18 @@ def test_axes_that_are_not_z_are_read():
     np.testing.assert_array_equal(made.axis, [[0, 1, 0], [1, 0, 0]])
 
 
+def test_prismatic_joints_are_told_from_revolute_ones():
+    assert LinkChain.from_model(two_joint_model()).prismatic.tolist() == [False, False]
+    slanted = np.array([0.6, 0.0, 0.8])
+    chain = LinkChain.from_model(two_joint_model(kind=pin.JointModelPrismaticUnaligned(slanted)))
+    assert chain.prismatic.tolist() == [False, True]
+    np.testing.assert_allclose(chain.axis, [[0, 1, 0], slanted], rtol=1e-15)  # Pinocchio normalizes
+    stacked = LinkChain.stack([chain, chain])
+    np.testing.assert_array_equal(stacked.prismatic, [[False, True]] * 2)
+    with pytest.raises(ValueError, match="read-only"):
+        chain.prismatic[0] = True
+
+
 def test_chain_is_frozen_and_owns_its_memory(vehicle):
     mass = np.array([1.0, 2.0])
     chain = dataclasses.replace(LinkChain.from_vehicle(vehicle), mass=mass)
@@ -67,7 +79,7 @@ def test_platform_alone_is_a_chain_of_no_joints():
     ("model", "words"),
     [
         (two_joint_model(parent=1), "branches"),
-        (two_joint_model(kind=pin.JointModelPZ()), "JointModelPZ"),
+        (two_joint_model(kind=pin.JointModelHZ(0.1)), "JointModelHZ"),
         (two_joint_model(kind=pin.JointModelRUBZ()), "JointModelRUBZ"),
         (two_joint_model(root=pin.JointModelRX()), "free flyer"),
         (pin.Model(), "free flyer"),
@@ -78,11 +90,14 @@ def test_a_model_that_is_no_such_chain_is_refused(model, words):
         LinkChain.from_model(model)
 
 
-def test_a_tool_must_exist_on_the_last_link(vehicle):
+def test_a_tool_must_exist_and_may_be_on_any_link(vehicle):
     with pytest.raises(UnknownName, match="tol"):
         LinkChain.from_model(vehicle.model, "tol")
-    with pytest.raises(VehicleError, match="last link"):
-        LinkChain.from_model(vehicle.model, "link_1")
+    links = ["platform", "link_1", "link_2", "tool"]
+    numbers = [LinkChain.from_model(vehicle.model, link).tool_link for link in links]
+    assert numbers == [0, 1, 2, 4]
+    chain = LinkChain.from_model(vehicle.model, "link_2")
+    assert LinkChain.stack([chain, chain]).tool_link == 2
 
 
 def test_stack_adds_a_leading_axis(vehicle):

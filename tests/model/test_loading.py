@@ -179,7 +179,8 @@ URDF_MISTAKES = {
         "URDF",
         "Pinocchio refuses it",
     ),
-    "continuous joint": (('type="revolute"', 'type="continuous"'), "arm", "has 2 coordinates"),
+    "planar joint": (('type="revolute"', 'type="planar"'), "arm", "'shoulder', a planar joint"),
+    "no links": ((URDF, "<robot name='r'/>"), "URDF", "has no links"),
     "two roots": (('<parent link="base"/><child link="arm"/>', ""), "platform", "root"),
 }
 
@@ -202,13 +203,16 @@ def without_inertial(link: str) -> str:
     return URDF[:start] + URDF[URDF.index("</inertial>", start) + len("</inertial>") :]
 
 
-@pytest.mark.parametrize(
-    ("link", "field"), [("base", "link 'base'"), ("arm", "arm joint 'shoulder'")]
-)
-def test_a_body_without_mass_is_named(tmp_path, link, field):
+def test_a_platform_without_mass_is_named(tmp_path):
     with pytest.raises(VehicleError, match="mass") as caught:
-        load_vehicle(write(tmp_path, urdf=without_inertial(link)))
-    assert caught.value.field == field
+        load_vehicle(write(tmp_path, urdf=without_inertial("base")))
+    assert caught.value.field == "link 'base'"
+
+
+def test_an_arm_link_without_mass_is_remarked_upon(tmp_path):
+    toml = TOML.replace("mass = 1.2", "mass = 1.0")
+    vehicle = load_vehicle(write(tmp_path, toml, without_inertial("arm")))
+    assert vehicle.remarks == ("joint 'shoulder' moves a body without mass",)
 
 
 def test_a_branching_arm_is_named(tmp_path):

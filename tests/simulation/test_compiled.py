@@ -12,7 +12,8 @@ import pytest
 
 import fullam
 from fullam.analysis.campaign import fastest_engine
-from fullam.control.controller import Measurement, ReferencePoint, controller_class, make_settings
+from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controllers import controller_class, make_settings
 from fullam.control.pid import Pid
 from fullam.control.tick import ControlTick
 from fullam.dynamics.multibody import Multibody

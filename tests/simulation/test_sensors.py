@@ -4,21 +4,51 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from fullam.control.allocation import Allocator
+from fullam.control.estimator import Inertial
 from fullam.dynamics.pose_space import pose_from_euler, pose_model
+from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.loading import load_vehicle
+from fullam.numbers.records import Rows, record
+from fullam.numbers.vectors import ZERO
 from fullam.simulation.arm_motion import HoldArm
 from fullam.simulation.plant import Plant
-from fullam.simulation.sensors import Sensors
-from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.weather import CALM, RECORDED, forecast
+from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
+from fullam.simulation.weather import RECORDED, forecast
 
-T = np.arange(50) * 0.01
+SILENT = Inertial(ZERO, ZERO)
 
 
 @pytest.fixture
 def history(rng):
-    """A log of true poses that differ from row to row."""
+    """True poses that differ from period to period, shape (50, 7)."""
     return pose_from_euler(rng.normal(size=(50, 3)), rng.uniform(-0.5, 0.5, (50, 3)))
+
+
+def readings_of(history, noise, every=1, delay=0):
+    """The pose at hand in every period, shape (N, 7)."""
+    ring, reading, out = [None] * (delay + 1), None, []
+    rows = zip(Rows(Pose, history).to_list(), Rows(Spatial, noise).to_list(), strict=True)
+    for k, (pose, draw) in enumerate(rows):
+        keep_pose(ring, pose, k)
+        reading = sense_pose(ring, draw, reading, every, k)
+        out.append(np.concatenate(reading))
+    return np.array(out)
+
+
+def test_the_noise_is_the_one_that_was_drawn(history):
+    draw = forecast(RECORDED, 4, np.arange(50) * 0.01).pose_noise
+    for true, read, noise in zip(history, readings_of(history, draw), draw, strict=True):
+        np.testing.assert_allclose(pin.difference(pose_model(), true, read), noise, atol=1e-12)
+
+
+@pytest.mark.parametrize(("every", "delay"), [(3, 2), (1, 0), (1, 4), (4, 1)])
+def test_poses_come_late_and_only_now_and_then(history, every, delay):
+    """Attitudes are of unit length to rounding."""
+    readings, k = readings_of(history, np.zeros((50, 6)), every, delay), np.arange(50)
+    expected = history[np.maximum(0, k - k % every - delay)]
+    np.testing.assert_array_equal(readings[:, :3], expected[:, :3])
+    np.testing.assert_allclose(readings[:, 3:], expected[:, 3:], atol=1e-15)
 
 
 def a_plant(speeds=None):
@@ -29,24 +59,9 @@ def a_plant(speeds=None):
     return Plant(vehicle, arm, pose, speeds, 0.001, "midpoint")
 
 
-def test_the_noise_is_the_one_that_was_drawn(history):
-    draw = forecast(RECORDED, 4, T)
-    sensors = Sensors(SimulationSettings(), draw, 9.81, history)
-    plant, model = a_plant(), pose_model()
-    for k in (0, 7, 49):
-        pose = sensors.read(k, plant).pose
-        noise = pin.difference(model, history[k], pose)
-        np.testing.assert_allclose(noise, draw.pose_noise[k], atol=1e-12)
-
-
-def test_poses_come_late_and_only_now_and_then(history):
-    settings = SimulationSettings(pose_period=0.03, delay=0.02)
-    sensors, plant = Sensors(settings, forecast(CALM, 0, T), 9.81, history), a_plant()
-    for k in range(50):
-        readings = sensors.read(k, plant)
-        assert readings.pose_is_new == (k % 3 == 0)
-        taken = k - k % 3
-        np.testing.assert_array_equal(readings.pose, history[max(0, taken - 2)])
+def felt_by(plant, noise=SILENT):
+    pose, v = record(Pose, plant.q[:7]), record(Spatial, plant.v[:6])
+    return sense_inertial(pose.attitude, v, record(Spatial, plant.acceleration), 9.81, noise)
 
 
 def test_the_accelerometer_reads_nothing_in_free_fall_and_the_gyroscope_the_rate():
@@ -56,24 +71,39 @@ def test_the_accelerometer_reads_nothing_in_free_fall_and_the_gyroscope_the_rate
     """
     plant = a_plant()
     plant.advance(np.zeros(8), None, 1)
-    sensors = Sensors(SimulationSettings(), forecast(CALM, 0, T), 9.81, np.zeros((50, 7)))
-    sensors.read_inertial(0, plant)
-    np.testing.assert_allclose(sensors.readings.accelerometer, 0.0, atol=1e-9)
+    np.testing.assert_allclose(felt_by(plant).accelerometer, 0.0, atol=1e-9)
     plant.v[3:6] = 0.1, -0.2, 0.3
-    sensors.read_inertial(0, plant)
-    np.testing.assert_allclose(sensors.readings.gyroscope, [0.1, -0.2, 0.3], atol=1e-15)
+    assert felt_by(plant).gyroscope == (0.1, -0.2, 0.3)
 
 
 def test_the_accelerometer_of_a_hovering_vehicle_reads_minus_gravity():
     """R^T (0 - g): g upwards in world axes, with rotors that carry the weight."""
-    from fullam.control.allocation import Allocator
-
     vehicle, plant = load_vehicle("fullam"), a_plant()
     weight = pin.computeGeneralizedGravity(vehicle.model, vehicle.create_data(), plant.q)[:6]
     hover = a_plant(Allocator(vehicle.rotors).solve(weight).speeds)
     hover.advance(hover.speeds.copy(), None, 1)
-    sensors = Sensors(SimulationSettings(), forecast(CALM, 0, T), 9.81, np.zeros((50, 7)))
-    sensors.read_inertial(0, hover)
     R = pin.Quaternion(hover.q[3:7]).toRotationMatrix()
     # The regularised allocation is off by 1e-8 of full scale.
-    np.testing.assert_allclose(sensors.readings.accelerometer, R.T @ [0, 0, 9.81], atol=1e-5)
+    np.testing.assert_allclose(felt_by(hover).accelerometer, R.T @ [0, 0, 9.81], atol=1e-5)
+
+
+def test_inertial_noise_is_added(rng):
+    plant, noise = a_plant(), rng.normal(size=6)
+    plant.v[:6] = rng.normal(size=6)
+    plain, noisy = felt_by(plant), felt_by(plant, record(Inertial, noise))
+    np.testing.assert_allclose(np.concatenate(noisy) - np.concatenate(plain), noise, atol=1e-14)
+
+
+def test_the_accelerometer_feels_a_circle(rng):
+    """On a steady circle the origin accelerates by w x (w x r), whatever the attitude."""
+    attitude = record(Pose, pose_from_euler(np.zeros(3), rng.normal(size=3))).attitude
+    R = pin.Quaternion(np.array(attitude)).toRotationMatrix()
+    w, r = rng.normal(size=3), rng.normal(size=3)  # world axes
+    dp, ddp = np.cross(w, r), np.cross(w, np.cross(w, r))
+    up = np.array([0.0, 0.0, 9.81])
+    v, w_A = R.T @ dp, R.T @ w
+    a = R.T @ ddp - np.cross(w_A, v)  # dv_A/dt: zero, the circle looks the same at all times
+    np.testing.assert_allclose(a, 0.0, atol=1e-14)
+    velocity = record(Spatial, np.append(v, w_A))
+    felt = sense_inertial(attitude, velocity, Spatial(ZERO, ZERO), 9.81, SILENT)
+    np.testing.assert_allclose(felt.accelerometer, R.T @ (ddp + up), atol=1e-14)

@@ -26,7 +26,7 @@ def flown(tmp_path_factory):
         patch.setattr(
             reproduce, "load_scenario", lambda name: replace(load_scenario(name), duration=1.2)
         )
-        patch.setattr(recorded, "compare", lambda task, reading, seeds: (PUBLISHED[task.name], []))
+        patch.setattr(recorded, "compare", lambda task, *_: (PUBLISHED[task.name], []))
         result = reproduce.reproduce(folder, runs=2, engine="reference")
         # What was flown is kept: a second call flies nothing and says the same.
         patch.setattr(reproduce.Campaign, "fly", None)
@@ -35,6 +35,27 @@ def flown(tmp_path_factory):
     assert repr(again.findings) == repr(result.findings)
     write_report(result, folder)
     return folder, result
+
+
+def test_flights_beside_the_recorded_ones_are_flown_once(tmp_path, monkeypatch):
+    flown, told = [], []
+
+    def fly(task, reading, seed):
+        if len(flown) == 7:
+            raise KeyboardInterrupt
+        flown.append(seed)
+        return PUBLISHED[task.name]
+
+    monkeypatch.setattr(recorded, "fly", fly)
+    path = tmp_path / "recorded.journal"
+    with pytest.raises(KeyboardInterrupt):
+        reproduce._compare_recorded(path, 2, lambda *_: None)
+    monkeypatch.setattr(
+        recorded, "fly", lambda task, reading, seed: told.append(seed) or PUBLISHED[task.name]
+    )
+    rows = reproduce._compare_recorded(path, 2, lambda *_: None)
+    assert len(told) == 2 * 2 * len(READINGS) - 7
+    assert [row.ours[READINGS[0]] for row in rows] == [PUBLISHED["hover"], PUBLISHED["step"]]
 
 
 def test_every_claim_is_judged_for_every_contender_in_both_weathers(flown):

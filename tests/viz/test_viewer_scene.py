@@ -9,6 +9,7 @@ import pytest
 import fullam
 from fullam.dynamics.multibody import Multibody
 from fullam.exceptions import InvalidInput
+from fullam.model import meshes
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.portrait import hover, portrait
 from fullam.viz.viewer.replay import film
@@ -177,8 +178,9 @@ def test_without_its_meshes_a_vehicle_is_drawn_from_its_model(monkeypatch):
     vehicle = fullam.load_vehicle("hextilt")
     whole = shapes.vehicle_shapes(vehicle, "v")
     assert any(shape["type"] == "mesh" for shape in whole)
-    monkeypatch.setattr(shapes, "mesh_folders", lambda _: ["/nowhere"])
-    stand_in = shapes.vehicle_shapes(vehicle, "v")
+    monkeypatch.setattr(meshes, "mesh_folders", lambda _: ["/nowhere"])
+    with pytest.warns(UserWarning, match=r"mesh 'package://.*and \d+ more not found.*/nowhere"):
+        stand_in = shapes.vehicle_shapes(vehicle, "v")
     assert not any(shape["type"] == "mesh" for shape in stand_in)
     bodies = {shape["path"].split("/")[1] for shape in stand_in}
     assert bodies == {"platform", *(f"link_{i}" for i in range(1, vehicle.n_arm + 1))}

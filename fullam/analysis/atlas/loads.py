@@ -71,7 +71,7 @@ def load_of(
 
     Args:
         vehicle: The vehicle.
-        theta: Arm pose, shape (n_arm,) [rad]; 0 by default.
+        theta: Arm pose, shape (n_arm,) [rad or m]; at rest by default.
         payload: Point mass at the tool [kg].
         tool_wrench: What the world exerts on the tool, in {A} axes at the tool's origin, shape
             (6,) [N, N m]; it stays as it is in {A} when the vehicle tilts.

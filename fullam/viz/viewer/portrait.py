@@ -83,14 +83,14 @@ def hover(
 
     Args:
         vehicle: The vehicle.
-        arm_deg: Joint angles [deg]; 0 by default.
+        arm_deg: Joint positions [deg, or m of a prismatic joint]; at rest by default.
         euler_deg: x-y-z Euler angles of the platform [deg].
 
     Raises:
         VehicleError: Not one angle per arm joint.
     """
-    angles = None if arm_deg is None else np.deg2rad(np.asarray(arm_deg, dtype=float))
-    arm = np.array(vehicle.neutral(angles)[7:])
+    positions = None if arm_deg is None else vehicle.joints.from_typed(arm_deg)
+    arm = np.array(vehicle.neutral(positions)[7:])
     pose = pose_from_euler(np.array([0.0, 0.0, HEIGHT]), np.deg2rad(np.asarray(euler_deg)))
     rotors = vehicle.rotors
     wrench_A, up_A = _load(vehicle, pose, arm)

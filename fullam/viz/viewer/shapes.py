@@ -7,16 +7,15 @@ A shape is a dictionary that the page turns into a three.js object: `path` in th
 from __future__ import annotations
 
 import base64
-import importlib.metadata
-import sys
+import warnings
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from fullam.model.meshes import missing_remark, resolve_meshes
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -61,38 +60,31 @@ def reach(vehicle: Vehicle) -> float:
     return float(np.linalg.norm(vehicle.rotors.positions, axis=1).max()) + propeller_radius(vehicle)
 
 
-def mesh_folders(vehicle: Vehicle) -> list[str]:
-    """Folders in which the meshes of a URDF (`package://name/...`) are looked for."""
-    folders = [Path(sys.prefix) / "share"]
-    entry = vehicle.definition.get("urdf")
-    if isinstance(entry, dict):
-        try:
-            package = importlib.metadata.distribution(str(entry["package"]))
-            folders.insert(0, Path(str(package.locate_file("cmeel.prefix"))) / "share")
-        except importlib.metadata.PackageNotFoundError:
-            pass  # conda and system packages have no such metadata
-    if vehicle.source is not None:
-        folders.append(Path(vehicle.source).resolve().parent)
-    return [str(folder) for folder in folders]
-
-
 def vehicle_shapes(vehicle: Vehicle, prefix: str) -> list[Shape]:
-    """Everything of a vehicle that is drawn once: bodies and propellers."""
-    try:
-        bodies = _urdf_shapes(vehicle, prefix)
-    except ValueError:  # Pinocchio says so of a mesh that is not there
+    """Everything of a vehicle that is drawn once: bodies and propellers.
+
+    A vehicle whose meshes are not all there is drawn from its joints and rotors, with a warning
+    that names what is missing.
+    """
+    urdf, missing = resolve_meshes(vehicle)
+    bodies = None if missing else _urdf_shapes(vehicle, urdf, prefix)
+    if missing:
+        warnings.warn(f"{vehicle.name}: {missing_remark(vehicle)}", stacklevel=2)
+    if bodies is None:
         bodies = platform_shapes(vehicle, f"{prefix}/platform") + _arm_shapes(vehicle, prefix)
     return bodies + propeller_shapes(vehicle, prefix)
 
 
-def _urdf_shapes(vehicle: Vehicle, prefix: str) -> list[Shape]:
-    """The visual shapes of the URDF, but for the rotor discs, which `propeller_shapes` draws."""
-    visuals = pin.buildGeomFromUrdfString(
-        vehicle.model,
-        vehicle.urdf,
-        pin.GeometryType.VISUAL,
-        package_dirs=mesh_folders(vehicle),
-    )
+def _urdf_shapes(vehicle: Vehicle, urdf: str, prefix: str) -> list[Shape] | None:
+    """The visual shapes of the URDF, but for the rotor discs, which `propeller_shapes` draws.
+
+    None, with a warning, where Pinocchio cannot read a mesh.
+    """
+    try:
+        visuals = pin.buildGeomFromUrdfString(vehicle.model, urdf, pin.GeometryType.VISUAL)
+    except ValueError as error:
+        warnings.warn(f"{vehicle.name}: drawn from its joints ({error})", stacklevel=3)
+        return None
     shapes = []
     for item in visuals.geometryObjects:
         red, green, blue, alpha = (float(x) for x in item.meshColor)
@@ -170,15 +162,16 @@ def _arm_shapes(vehicle: Vehicle, prefix: str) -> list[Shape]:
     model, radius = vehicle.model, 0.03 * reach(vehicle)
     tool = model.frames[model.getFrameId(vehicle.tool)]
     joints = range(ROOT + 1, model.njoints)
-    ends = {a: model.jointPlacements[b].translation for a, b in pairwise([ROOT, *joints])}
-    ends[tool.parentJoint] = tool.placement.translation
-    shapes: list[Shape] = []
-    for joint, end in ends.items():
-        path = body_path(prefix, joint)
-        ball = {"type": "sphere", "radius": 1.4 * radius, "colour": CARBON}
-        shapes.append({"path": f"{path}/ball", **ball})
+    rods = [(a, "rod", model.jointPlacements[b].translation) for a, b in pairwise([ROOT, *joints])]
+    rods.append((tool.parentJoint, "tool", tool.placement.translation))
+    ball = {"type": "sphere", "radius": 1.4 * radius, "colour": CARBON}
+    shapes: list[Shape] = [
+        {"path": f"{body_path(prefix, joint)}/ball", **ball} for joint in [ROOT, *joints]
+    ]
+    for joint, name, end in rods:
         if np.linalg.norm(end) > 1e-6:
-            shapes.append(_rod(f"{path}/rod", np.zeros(3), end, radius) | {"colour": ARM})
+            path = f"{body_path(prefix, joint)}/{name}"
+            shapes.append(_rod(path, np.zeros(3), end, radius) | {"colour": ARM})
     return shapes
 
 

@@ -56,20 +56,22 @@ class Explorer:
         self.panel = ipywidgets.HBox([controls, scene])
 
     def _sliders(self, ipywidgets: Any) -> dict[str, Any]:
-        model, ranges = self._base.model, {}
-        for k, name in enumerate(self._base.arm_joints):
-            low = float(np.clip(np.rad2deg(model.lowerPositionLimit[7 + k]), -180.0, 180.0))
-            high = float(np.clip(np.rad2deg(model.upperPositionLimit[7 + k]), -180.0, 180.0))
-            ranges[name] = (low, high, float(np.clip(0.0, low, high)))
+        joints, ranges = self._base.joints, {}
+        limits = zip(joints.to_typed(joints.lower), joints.to_typed(joints.upper), strict=True)
+        for name, unit, (low, high) in zip(joints.names, joints.units, limits, strict=True):
+            most = 1.0 if unit == "m" else 180.0
+            low, high = float(np.clip(low, -most, most)), float(np.clip(high, -most, most))
+            ranges[name] = (low, high, float(np.clip(0.0, low, high)), unit)
         for axis in "xy":
-            ranges[f"tilt about {axis}"] = (-MOST_TILT_DEG, MOST_TILT_DEG, 0.0)
+            ranges[f"tilt about {axis}"] = (-MOST_TILT_DEG, MOST_TILT_DEG, 0.0, "deg")
         if self._cant is not None:
-            ranges["cant"] = (0.0, MOST_CANT_DEG, float(self._cant))
+            ranges["cant"] = (0.0, MOST_CANT_DEG, float(self._cant), "deg")
         sliders = {}
-        for name, (low, high, value) in ranges.items():
+        for name, (low, high, value, unit) in ranges.items():
+            step, digits = (0.001, ".3f") if unit == "m" else (1.0, ".0f")
             slider = ipywidgets.FloatSlider(
-                value=value, min=low, max=high, step=1.0, description=f"{_short(name)} [deg]",
-                readout_format=".0f", style={"description_width": "110px"},
+                value=value, min=low, max=high, step=step, description=f"{_short(name)} [{unit}]",
+                readout_format=digits, style={"description_width": "110px"},
             )  # fmt: skip
             slider.observe(self.update, names="value")
             sliders[name] = slider

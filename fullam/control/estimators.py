@@ -1,0 +1,70 @@
+"""The estimators that can be had by name: those that come with fullam, and the users' own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, TypeVar
+
+from fullam.control.estimator import Estimator
+from fullam.control.first_order import FirstOrder
+from fullam.control.kalman import Kalman
+from fullam.control.truth import Truth
+from fullam.exceptions import SettingsError
+from fullam.registry import Registry
+
+EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
+
+_REGISTRY: Registry[type[Estimator]] = Registry(
+    "estimator", {cls.name: cls for cls in (FirstOrder, Kalman, Truth)}
+)
+
+
+def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
+    """Class decorator: make an estimator known under `name`."""
+
+    def add(cls: EstimatorType) -> EstimatorType:
+        cls.name = name
+        _REGISTRY[name] = cls
+        return cls
+
+    return add
+
+
+def estimator_names() -> tuple[str, ...]:
+    """Names of the registered estimators, sorted."""
+    return tuple(sorted(_REGISTRY))
+
+
+def estimator_class(name: str) -> type[Estimator]:
+    """The class registered under `name`.
+
+    Raises:
+        UnknownName: No such estimator; the message lists the known ones.
+    """
+    return _REGISTRY[name]
+
+
+def make_estimator_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
+    """Settings of the estimator `name`, its defaults with some of them changed.
+
+    Raises:
+        UnknownName: No such estimator.
+        SettingsError: A setting that the estimator does not have (the message lists its own), or
+            one of the wrong type.
+    """
+    cls, where = estimator_class(name), f"estimator '{name}'"
+    known = [field.name for field in fields(cls.Settings)]
+    for key in changes or {}:
+        if key not in known:
+            remedy = f"it has {', '.join(known) or 'none'}"
+            raise SettingsError(where, key, "is no setting of it", remedy)
+    try:
+        return cls.Settings(**(changes or {}))
+    except (TypeError, ValueError) as error:
+        raise SettingsError(
+            where,
+            "a setting",
+            f"is of the wrong type ({error})",
+            f"see the defaults, {cls.Settings()}",
+        ) from error

@@ -1,0 +1,248 @@
+"""Laws written as kernels: flown by Python, by machine code, and eight flights at a time.
+
+A law of this kind is three kernels and two records. What it knows is a record of `numbers` (gains,
+limits, the nominal vehicle's constants); what it remembers from period to period is a record
+`Memory`:
+
+    start(numbers, chain, estimate) -> memory
+    command(numbers, chain, estimate, target, memory) -> command, memory
+    delivered(numbers, chain, estimate, memory, delivery) -> memory
+
+`delivered` is called only where bounds of the rotors kept a command from being delivered. See
+`signals` for what goes in and out, and `fullam.numbers` for how a kernel is written.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.control.controller import ALL_AXES, Controller, Measurement, ReferencePoint
+from fullam.control.signals import Command, Delivery, Estimate, Target
+from fullam.dynamics.link_rows import LinkRows
+from fullam.dynamics.recursion import Chain, JointMotion, place_joints
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial
+from fullam.exceptions import SettingsError
+from fullam.model.chain import LinkChain
+from fullam.model.vehicle import Vehicle
+from fullam.numbers.kernel import kernel, select, some
+from fullam.numbers.records import Rows, flat, record
+
+Array = NDArray[np.float64]
+Function = Callable[..., Any]
+
+
+class LawKernels(NamedTuple):
+    """The three kernels of a law; see the module's first lines."""
+
+    start: Function
+    command: Function
+    delivered: Function
+
+
+class KernelLaw(Controller):
+    """A law as kernels, with the face of a `Controller`.
+
+    Subclasses give `Memory`, `kernels` and `numbers`; that is all it takes to fly everywhere.
+
+    Attributes:
+        Memory: Record of what the law remembers.
+        links: The nominal chain as records, platform first.
+    """
+
+    Memory: type
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        settings: Any = None,
+        period: float = 0.01,
+        axes: tuple[bool, ...] = ALL_AXES,
+    ) -> None:
+        """Bind the law; see `Controller`."""
+        super().__init__(vehicle, settings, period, axes)
+        self.link_rows: Rows = LinkRows.of(LinkChain.from_model(vehicle.model)).rows
+        self.links: list[Any] = self.link_rows.to_list()
+        self._numbers = self.numbers()
+        self._memory: Any = None
+        self._chain: Any = None
+        self._estimate: Estimate | None = None
+
+    @property
+    @abstractmethod
+    def kernels(self) -> LawKernels:
+        """The kernels that machine code flies with these settings."""
+
+    @abstractmethod
+    def numbers(self) -> Any:
+        """Settings and nominal vehicle as a record of numbers."""
+
+    # What Python flies. A law may know another way to its model than the kernels' recursion.
+
+    def chain(self, motions: Sequence[JointMotion]) -> Any:
+        """The nominal vehicle with its arm in motion."""
+        joints: list[Any] = [None] * len(motions)
+        place_joints(self.links, motions, joints)
+        return Chain(self.links, joints)
+
+    def command(self, chain: Any, estimate: Estimate, target: Target) -> Command:
+        """One period: the command, and the memory one period on."""
+        if self._memory is None:
+            self._memory = self.kernels.start(self._numbers, chain, estimate)
+        command, self._memory = self._command(chain, estimate, target)
+        self._chain, self._estimate = chain, estimate
+        return command
+
+    def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
+        answer: tuple[Command, Any] = self.kernels.command(
+            self._numbers, chain, estimate, target, self._memory
+        )
+        return answer
+
+    def inform(self, delivery: Delivery) -> None:
+        """Learn what became of the last command, if bounds kept it from being delivered."""
+        self._memory = self.kernels.delivered(
+            self._numbers, self._chain, self._estimate, self._memory, delivery
+        )
+
+    def forget(self) -> None:
+        """Begin anew at the next command."""
+        self._memory = None
+
+    # The face of a controller.
+
+    def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:
+        """Forget the past; filters start at the measurement."""
+        chain = self.chain(motions_of(measurement))
+        self._memory = self.kernels.start(self._numbers, chain, estimate_of(measurement))
+
+    def wrench(self, t: float, measurement: Measurement, reference: ReferencePoint) -> Array:
+        """Wrench wanted from the rotors, world axes, shape (6,); see `Controller.wrench`."""
+        chain = self.chain(motions_of(measurement))
+        command = self.command(chain, estimate_of(measurement), target_of(reference))
+        self.u_pid[:] = [*flat(command.u_pid)]
+        self.u_dc[:] = [*flat(command.u_dc)]
+        return np.array([*flat(command.wrench)])
+
+    def delivered(self, wrench_W: Array, missing_W: Array) -> None:
+        """Learn what the allocation achieved; see `Controller.delivered`."""
+        self.inform(Delivery(record(Spatial, wrench_W), record(Spatial, missing_W), 1.0))
+
+
+def estimate_of(measurement: Measurement) -> Estimate:
+    """A measurement as a record, its velocity turned to world axes."""
+    pose = record(Pose, measurement.q[:7])
+    v = record(Spatial, measurement.v[:6])
+    return Estimate(pose, rotate_spatial(rotation_matrix(pose.attitude), v))
+
+
+def motions_of(measurement: Measurement) -> list[JointMotion]:
+    """The arm's motion as records."""
+    motions = measurement.q[7:], measurement.v[6:], measurement.arm_acceleration
+    return [JointMotion(*motion) for motion in zip(*(m.tolist() for m in motions), strict=True)]
+
+
+def target_of(reference: ReferencePoint) -> Target:
+    """A reference point as a record."""
+    parts = reference.pose, reference.velocity, reference.acceleration
+    return record(Target, np.concatenate(parts))
+
+
+def numbers_of(part: Any) -> Rows:
+    """What a law, or anything else that tells its `numbers()`, knows: one row."""
+    numbers = part.numbers()
+    return Rows.of(type(numbers), [numbers])
+
+
+def kernel_law(law: Controller) -> KernelLaw:
+    """The law, if it is written as kernels.
+
+    Raises:
+        SettingsError: It is a class of its own.
+    """
+    if isinstance(law, KernelLaw):
+        return law
+    raise not_fused("controller", law.name, "KernelLaw")
+
+
+def not_fused(field: str, name: str, base: str) -> SettingsError:
+    """The error for a class that machine code cannot fly."""
+    return SettingsError(
+        "driver 'fused'",
+        field,
+        f"'{name}' is not written as kernels",
+        f"fly it with driver='python', or derive it from {base}",
+    )
+
+
+# The stages of a flight that belong to the law.
+
+
+class CommandView(NamedTuple):
+    """What the command stage is shown: rows, and the arm's rows in a control period (one row)."""
+
+    numbers: Any
+    links: Any
+    joints: Any
+    joint_rows: Any
+    targets: Any
+    estimate: Any
+    memory: Any
+    command: Any
+
+
+class InformView(NamedTuple):
+    """What the inform stage is shown."""
+
+    numbers: Any
+    links: Any
+    joints: Any
+    joint_rows: Any
+    estimate: Any
+    memory: Any
+    delivery: Any
+
+
+@kernel
+def chain_at(view, k):
+    """The nominal chain in period k."""
+    return Chain(view.links, view.joints[k * int(view.joint_rows[0])])
+
+
+@cache
+def command_stage(kernels: LawKernels) -> Function:
+    """The stage that asks the law for a wrench."""
+    start, command = kernels.start, kernels.command
+
+    @kernel
+    def command_of_law(view, k):
+        numbers, chain, estimate = view.numbers[0], chain_at(view, k), view.estimate[0]
+        if k == 0:
+            view.memory[0] = start(numbers, chain, estimate)
+        answer, memory = command(numbers, chain, estimate, view.targets[k], view.memory[0])
+        view.command[0], view.memory[0] = answer, memory
+
+    return command_of_law
+
+
+@cache
+def inform_stage(kernels: LawKernels) -> Function:
+    """The stage that tells the law what it did not get."""
+    delivered = kernels.delivered
+
+    @kernel
+    def inform_law(view, k):
+        delivery = view.delivery[0]
+        saturated = delivery.saturated > 0.0
+        if some(saturated):
+            numbers, memory = view.numbers[0], view.memory[0]
+            after = delivered(numbers, chain_at(view, k), view.estimate[0], memory, delivery)
+            view.memory[0] = select(saturated, after, memory)
+
+    return inform_law

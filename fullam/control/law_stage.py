@@ -1,0 +1,70 @@
+"""The law as stages of a control period that Python runs: anybody's `Controller`, or kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.control.controller import Controller, Measurement, ReferencePoint
+from fullam.control.law import KernelLaw
+from fullam.control.signals import Command, Estimate, Target
+from fullam.dynamics.so3 import rotation_matrix
+from fullam.dynamics.spatial import Spatial, rotate_spatial_back
+from fullam.numbers.records import flat, record
+
+Array = NDArray[np.float64]
+
+
+class LawStage:
+    """Asks a law for a wrench, and tells it what it did not get.
+
+    Attributes:
+        t: Time of the next command [s]; None counts control periods.
+    """
+
+    def __init__(self, law: Controller) -> None:
+        """Begin anew."""
+        self._law = law
+        self._measurement, self._reference = Measurement(law.vehicle), ReferencePoint()
+        self.t: float | None = None
+
+    def command(self, view: Any, k: int) -> None:
+        """Ask for a wrench, given a `CommandView` whose joints are `JointMotion`s."""
+        law, estimate, target = self._law, view.estimate[0], view.targets[k]
+        motions = view.joints[k * int(view.joint_rows[0])]
+        if isinstance(law, KernelLaw):
+            if k == 0:
+                law.forget()
+            view.command[0] = law.command(law.chain(motions), estimate, target)
+            return
+        self._tell(estimate, target, motions)
+        if k == 0:
+            law.reset(self._measurement, self._reference)
+        t = k * law.period if self.t is None else self.t
+        wrench = law.wrench(t, self._measurement, self._reference)
+        parts = wrench, law.u_pid, law.u_dc
+        view.command[0] = Command(*(record(Spatial, part) for part in parts))
+
+    def inform(self, deliveries: Any, k: int) -> None:
+        """Tell the law what it did not get, given one row of `Delivery`."""
+        delivery = deliveries[0]
+        if delivery.saturated == 0.0:
+            return
+        if isinstance(self._law, KernelLaw):
+            self._law.inform(delivery)
+        else:
+            self._law.delivered(*(np.array([*flat(part)]) for part in delivery[:2]))
+
+    def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
+        """Estimate, target and motion of the arm as the arrays of a `Controller`."""
+        m, reference = self._measurement, self._reference
+        R = rotation_matrix(estimate.pose.attitude)
+        m.q[:7] = [*flat(estimate.pose)]
+        m.v[:6] = [*flat(rotate_spatial_back(R, estimate.velocity))]
+        for i, motion in enumerate(motions):
+            m.q[7 + i], m.v[6 + i], m.arm_acceleration[i] = motion
+        reference.pose = np.array([*flat(target.pose)])
+        reference.velocity = np.array([*flat(target.velocity)])
+        reference.acceleration = np.array([*flat(target.acceleration)])

@@ -1,0 +1,197 @@
+"""Kernels compiled to machine code, and kept on disk.
+
+A *stage* is a kernel f(view, period). Compiled, it is a C function of two 64-bit numbers: the
+address of a table that describes the view, and the period. Stages therefore know nothing of each
+other: a new law compiles alone, and the rest of the flight comes from disk. What is kept is the
+object code that LLVM made; loading it asks for llvmlite alone, and neither numba nor a compiler.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import platform
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from typing import Any
+
+from fullam.numbers.code_store import load, store
+from fullam.numbers.digest import describe, digest
+from fullam.numbers.kernel import KERNELS
+
+logger = logging.getLogger(__name__)
+
+ANNOUNCE_AFTER = 3.0
+"""A function that compiles longer than this [s] says so: a silent prompt worries people."""
+
+_lock = threading.RLock()
+_codes: dict[str, Code] = {}
+_taught: set[int] = set()
+
+
+class Code:
+    """Machine code of one function, in memory for as long as this object lives.
+
+    Attributes:
+        address: Where it begins.
+    """
+
+    def __init__(self, name: str, object_code: bytes) -> None:
+        """Load object code; OSError if it holds no function of that name."""
+        from llvmlite import binding
+
+        _start_llvm()
+        target = binding.Target.from_default_triple().create_target_machine(jit=True)
+        self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
+        self._engine.add_object_file(binding.ObjectFileRef.from_data(object_code))
+        self._engine.finalize_object()
+        self.address: int = self._engine.get_function_address(name)
+        if not self.address:
+            raise OSError(f"the object code has no function '{name}'")
+
+
+@functools.cache
+def available() -> bool:
+    """Whether kernels can be compiled here: numba supports this interpreter and is installed."""
+    try:
+        version("numba")
+        import llvmlite.binding  # noqa: F401 - all that loading from disk needs
+    except ImportError:  # PackageNotFoundError is one
+        return False
+    return True
+
+
+def stage_code(kernel: Callable[..., Any], view: Any) -> Code:
+    """Machine code of a kernel f(view, period) for views like this one: f(table, period)."""
+    return _code(
+        _stage_key(kernel, describe(view)),
+        kernel.__qualname__,
+        lambda: _compile_stage(kernel, view),
+    )
+
+
+@functools.cache
+def _stage_key(kernel: Callable[..., Any], view: str) -> str:
+    """Key of a stage, worked out once: it reads all the code that the kernel calls."""
+    return digest(kernel, "stage", view, *_machine())
+
+
+def loop_code() -> Code:
+    """Machine code of f(stages, count, start, stop): all stages in turn, period by period.
+
+    `stages` is the address of pairs (address of a function, address of its table).
+    """
+    return _code(_loop_key(), "the loop", _compile_loop)
+
+
+@functools.cache
+def _loop_key() -> str:
+    return digest("loop", *_machine())
+
+
+def _code(key: str, what: str, compile_it: Callable[[], tuple[str, bytes]]) -> Code:
+    with _lock:
+        if key not in _codes:
+            kept = load(key)
+            if kept is None:
+                with _announced(what):
+                    kept = compile_it()
+                store(key, *kept)
+            _codes[key] = Code(*kept)
+        return _codes[key]
+
+
+@functools.cache
+def _machine() -> tuple[str, ...]:
+    """What else decides the machine code: processor, interpreter, compiler."""
+    from llvmlite import binding
+
+    return (
+        platform.machine(),
+        platform.python_version(),
+        binding.get_host_cpu_name(),
+        binding.get_host_cpu_features().flatten(),
+        version("numba"),
+        version("llvmlite"),
+    )
+
+
+@functools.cache
+def _start_llvm() -> None:
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+
+
+@contextmanager
+def _announced(what: str) -> Iterator[None]:
+    """Log that something compiles, if it takes long."""
+    words = "compiling %s; this happens once", what
+    timer = threading.Timer(ANNOUNCE_AFTER, logger.warning, words)
+    timer.daemon = True
+    timer.start()
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        timer.cancel()
+    logger.info("compiled %s in %.1f s", what, time.perf_counter() - start)
+
+
+# Below here the compiler is needed.
+
+
+def _teach_kernels() -> None:
+    """Let machine code call every kernel that has been defined so far.
+
+    LLVM puts kernels into one another (`forceinline`), which numba's own inline="always" would do
+    before it finds types, and take minutes over. Division by zero gives infinity, as in C.
+    """
+    from numba.extending import register_jitable
+
+    from fullam.numbers import compiled_records, lanes  # noqa: F401 - they teach it types
+
+    for kernel in list(KERNELS):
+        if id(kernel) not in _taught:
+            _taught.add(id(kernel))
+            register_jitable(error_model="numpy", forceinline=True)(kernel)
+
+
+def _compile_stage(kernel: Callable[..., Any], view: Any) -> tuple[str, bytes]:
+    from fullam.numbers.compiled_records import type_of, viewer
+
+    _teach_kernels()
+    look = viewer(type_of(view))
+
+    def stage(table, period):
+        kernel(look(table), period)
+
+    return _object_code(stage, 2)
+
+
+def _compile_loop() -> tuple[str, bytes]:
+    from fullam.numbers.compiled_records import call, word
+
+    def loop(stages, count, start, stop):
+        for period in range(start, stop):
+            for i in range(count):
+                call(word(stages, 2 * i), word(stages, 2 * i + 1), period)
+
+    return _object_code(loop, 4)
+
+
+def _object_code(function: Callable[..., Any], arguments: int) -> tuple[str, bytes]:
+    """Compile a C function of 64-bit numbers: its name, and the object code.
+
+    Internal to numba: the library behind a C function, and that it can be serialised. A test
+    compiles and loads, and says so when an upgrade breaks it.
+    """
+    from numba import cfunc, types
+
+    compiled = cfunc(types.void(*[types.int64] * arguments), error_model="numpy")(function)
+    _, _, (object_code, _) = compiled._library.serialize_using_object_code()
+    return compiled._wrapper_name, object_code

@@ -1,0 +1,165 @@
+"""Records: NamedTuples of numbers, kept in arrays and read by name.
+
+A kernel that needs many of something takes a sequence of records: `links[i].mass`. In Python that
+is a list of NamedTuples. Machine code gets `Rows`, the same records in one array of doubles,
+[..., entry] for one flight and [..., entry, lane] for lanes; there `links[i]` is a load of the
+entries that are used, and `states[0] = State(...)` a store. No columns are numbered by hand.
+
+A *view* is a NamedTuple whose fields are `Rows`, or views again: all that a kernel is shown.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Plan = tuple[Any, ...] | None
+
+ALIGNMENT = 64
+"""Of the arrays [bytes]: a vector that straddles two cache lines loads at half the speed."""
+
+
+@cache
+def layout(kind: Any) -> Plan:
+    """What a record is made of: (class, layouts of its fields), or None for a number."""
+    if kind is float:
+        return None
+    if typing.get_origin(kind) is tuple:
+        return (tuple, *map(layout, typing.get_args(kind)))
+    return (kind, *map(layout, typing.get_type_hints(kind).values()))
+
+
+@cache
+def size(kind: Any) -> int:
+    """How many numbers a record holds."""
+    plan = layout(kind)
+    return 1 if plan is None else _count(plan)
+
+
+def _count(plan: Plan) -> int:
+    return 1 if plan is None else sum(map(_count, plan[1:]))
+
+
+def build(plan: Plan, numbers: Iterator[Any]) -> Any:
+    """Make the record of a layout from its numbers, in order."""
+    if plan is None:
+        return next(numbers)
+    parts = [build(part, numbers) for part in plan[1:]]
+    return tuple(parts) if plan[0] is tuple else plan[0](*parts)
+
+
+def record(kind: Any, numbers: Any) -> Any:
+    """A record of Python floats from an array of its numbers, shape (size,)."""
+    return build(layout(kind), iter(np.asarray(numbers, dtype=float).tolist()))
+
+
+def flat(value: Any) -> Iterator[Any]:
+    """The numbers of a record, in order."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from flat(part)
+    else:
+        yield value
+
+
+@cache
+def columns(kind: Any) -> dict[str, slice]:
+    """Where each field of a record stands in its row: for reading arrays by name."""
+    found, start = {}, 0
+    for name, field in typing.get_type_hints(kind).items():
+        found[name] = slice(start, start + size(field))
+        start += size(field)
+    return found
+
+
+class Rows:
+    """Records in an array.
+
+    Attributes:
+        record: The NamedTuple class, a tuple type such as `vectors.Vector`, or float.
+        array: Shape (*lengths, size) or, with lanes, (*lengths, size, lanes).
+        lanes: Lanes of each number; 0 for a number that all flights share.
+        depth: How many indices lead to a record.
+    """
+
+    def __init__(self, record: Any, array: Any, lanes: int = 0) -> None:
+        """Take an array; it is copied if it is not contiguous or, for lanes, not aligned.
+
+        Raises:
+            ValueError: The array's entries do not fit the record.
+        """
+        array = np.asarray(array, dtype=np.float64)
+        wanted = (size(record), lanes) if lanes else (size(record),)
+        shape = array.shape[-len(wanted) :]
+        if shape != wanted:
+            name = getattr(record, "__name__", str(record))
+            raise ValueError(f"rows of {name}: entries have shape {shape}, not {wanted}")
+        if not (array.flags.c_contiguous and (array.ctypes.data % ALIGNMENT == 0 or not lanes)):
+            array, given = aligned(array.shape), array
+            array[:] = given
+        self.record, self.array, self.lanes = record, array, lanes
+        self.depth = array.ndim - len(wanted)
+
+    @classmethod
+    def empty(cls, record: Any, *lengths: int, lanes: int = 0) -> Rows:
+        """Rows of zeros."""
+        tail = (lanes,) if lanes else ()
+        return cls(record, aligned((*lengths, size(record), *tail)), lanes)
+
+    @classmethod
+    def of(cls, record: Any, records: Any) -> Rows:
+        """Rows of one flight from a list of records, or a list of such lists."""
+        return cls(record, np.array(_numbers(records), dtype=np.float64))
+
+    def __getitem__(self, name: str) -> Array:
+        """The numbers of a field in all rows, (*lengths, width) or (*lengths, width, lanes)."""
+        part = columns(self.record)[name]
+        entries: Array = self.array[..., part, :] if self.lanes else self.array[..., part]
+        return entries
+
+    def to_list(self) -> Any:
+        """The same records as a list (of lists) of NamedTuples; of one flight only."""
+        return _records(layout(self.record), self.array.tolist(), self.depth)
+
+    def assign(self, records: Any) -> None:
+        """Take over the records of a list of the same lengths; read-only rows stay as they are."""
+        if self.array.size and self.array.flags.writeable:
+            self.array[:] = np.array(_numbers(records), dtype=np.float64)
+
+
+def _numbers(records: Any) -> Any:
+    return [_numbers(r) for r in records] if isinstance(records, list) else list(flat(records))
+
+
+def _records(plan: Plan, values: Any, depth: int) -> Any:
+    if depth == 0:
+        return build(plan, iter(values))
+    return [_records(plan, value, depth - 1) for value in values]
+
+
+def aligned(shape: tuple[int, ...]) -> Array:
+    """An array of zeros that begins at a multiple of `ALIGNMENT`."""
+    count = int(np.prod(shape))
+    room = np.zeros(count + ALIGNMENT // 8)
+    start = -(room.ctypes.data // 8) % (ALIGNMENT // 8)
+    return room[start : start + count].reshape(shape)
+
+
+def rows_of(view: Any) -> Iterator[Rows]:
+    """The `Rows` of a view, in order."""
+    if isinstance(view, Rows):
+        yield view
+    else:
+        for part in view:
+            yield from rows_of(part)
+
+
+def one(rows: Any, lane: int) -> Any:
+    """The rows of one of the flights in the lanes, as scalars."""
+    return rows

@@ -1,0 +1,306 @@
+"""A block of flights that are flown together: the rows they write, and their stages.
+
+One block belongs to one thread. It is made once and flies one set of seeds after the other, one
+flight or as many as it has lanes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.control.allocation import allocation_memory
+from fullam.control.delivery import AllocateView, allocate_command
+from fullam.control.estimator import (
+    EstimateView,
+    Estimator,
+    KernelEstimator,
+    Readings,
+    estimate_stage,
+)
+from fullam.control.law import (
+    CommandView,
+    InformView,
+    KernelLaw,
+    command_stage,
+    inform_stage,
+    kernel_law,
+    not_fused,
+    numbers_of,
+)
+from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status
+from fullam.dynamics.spatial import Pose, Spatial
+from fullam.numbers.program import Stage
+from fullam.numbers.records import Rows, columns, rows_of
+from fullam.simulation.drawn_weather import InertialNoise
+from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.flown import Flown, TrackView, write_track
+from fullam.simulation.plant import PlantView, State, plant_stage
+from fullam.simulation.stages import (
+    ORDER,
+    Entry,
+    ForeseeView,
+    RecordView,
+    RotorEntry,
+    SenseView,
+    WatchView,
+    foresee,
+    record_entry,
+    sense,
+    sense_all,
+    watch,
+)
+from fullam.simulation.tables import Tables
+
+Array = NDArray[np.float64]
+Keep = Literal["record", "track"]
+
+
+class Block:
+    """Rows and stages of some flights of a plan.
+
+    Attributes:
+        tables: What the flights share.
+        lanes: Flights at a time; 0 for one, as scalars.
+        law: The law, for its kernels and numbers; or, if it is no `KernelLaw`, for Python to fly.
+        estimator: The estimator, in the same way.
+        state: The platform, one row of `plant.State`.
+        status: Whether it still flies, one row of `Status`.
+        speeds: Rotor speeds, n_r rows.
+        entries: The record, a row a control period, if it is kept.
+        rotors: Its rotors' part, (periods, n_r).
+        track: The track, a row a control period, if that is kept.
+    """
+
+    def __init__(self, tables: Tables, lanes: int = 0, keep: Keep = "record") -> None:
+        """Make the rows.
+
+        Args:
+            tables: What the flights share.
+            lanes: Flights at a time; 0 for one, as scalars.
+            keep: What the flights write: the whole record, or the track that figures need.
+        """
+        self.tables, self.lanes, self.keep = tables, lanes, keep
+        plan, periods = tables.plan, tables.periods
+        n = plan.nominal.rotors.count
+        self.law, self.estimator = tables.controller(), tables.estimator()
+        self.allocator = tables.allocator()
+        self.state, self.status = self._empty(State, 1), self._empty(Status, 1)
+        self.poses = self._empty(Pose, plan.simulation.delay_periods + 1)
+        self.readings, self.estimate = self._empty(Readings, 1), self._empty(Estimate, 1)
+        self.command, self.delivery = self._empty(Command, 1), self._empty(Delivery, 1)
+        self.residual = self._empty(Spatial, 1)
+        self.speeds = self._empty(float, n)
+        self.drawn = tables.draws.rows(lanes, self.estimator.needs_inertial)
+        self.problem, self.memory = self.allocator.problem(), allocation_memory(n, lanes)
+        self.commands: Rows = self.memory.speeds
+        kept = periods if keep == "record" else 0
+        self.entries, self.rotors = self._empty(Entry, kept), self._empty(RotorEntry, kept, n)
+        self.track = self._empty(Flown, periods - kept)
+        self.law_memory: Any = None
+        self.estimator_memory: Any = None
+        self._law_numbers = self._estimator_numbers = None
+        if isinstance(self.law, KernelLaw):
+            self.law_memory = self._empty(self.law.Memory, 1)
+            self._law_numbers = numbers_of(self.law)
+        if isinstance(self.estimator, KernelEstimator):
+            self.estimator_memory = self.estimator.memory(lanes)
+            self._estimator_numbers = numbers_of(self.estimator)
+
+    def _empty(self, record: Any, *lengths: int) -> Rows:
+        return Rows.empty(record, *lengths, lanes=self.lanes)
+
+    # Before a flight.
+
+    def begin(self) -> None:
+        """Stand at the scenario's start, at rest, rotors at hover speed; nothing remembered."""
+        self.state.array[:] = 0.0
+        self.state.array[0, :7].T[:] = self.tables.plan.scenario.initial_pose
+        self.status.array[:] = 0.0
+        self.status["end"][:] = FOREVER
+        for rows in rows_of(self.memory):
+            rows.array[:] = 0.0
+        for rows in (self.commands, self.speeds):
+            rows.array[:, 0].T[:] = self.tables.hover
+
+    def draw(self, seeds: Sequence[int]) -> None:
+        """Draw the weather and the true vehicles of seeds, one a lane."""
+        self.drawn.fill(seeds)
+
+    def load(self, plan: FlightPlan) -> None:
+        """Take the weather and the true vehicle of a plan; for one flight at a time."""
+        self.draw([plan.seed])
+        if plan.replaced is not None:
+            self.drawn.put(plan.replaced)
+
+    # What flies, stage by stage; see `fullam.simulation.stages`.
+
+    def stages(self) -> dict[str, Stage]:
+        """The stages of a control period as kernels, in order.
+
+        Raises:
+            SettingsError: Law or estimator are no kernels.
+        """
+        law, estimator = kernel_law(self.law), kernel_estimator(self.estimator)
+        joints = self.tables.placed[0]
+        estimate = Stage(estimate_stage(estimator.kernel), self.estimate_view())
+        own = {
+            "estimate": estimate,
+            "command": Stage(command_stage(law.kernels), self.command_view(joints)),
+            "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
+            "move": Stage(
+                plant_stage(self.tables.plan.simulation.integrator), self.plant_view(joints)
+            ),
+        }
+        return in_order(self.common_stages() | own)
+
+    def common_stages(self) -> dict[str, Stage]:
+        """Those that neither law, estimator nor dynamics have a say in."""
+        t = self.tables
+        sensing = sense_all if self.estimator.needs_inertial else sense
+        stages = {
+            "watch": Stage(watch, WatchView(self.state, t.targets, t.bounds, self.status)),
+            "sense": Stage(sensing, self.sense_view()),
+            "allocate": Stage(allocate_command, self.allocate_view()),
+        }
+        if t.plan.anticipation is not None:
+            stages["foresee"] = Stage(foresee, ForeseeView(t.ahead, self.estimate))
+        if self.keep == "record":
+            stages["record"] = Stage(record_entry, self.record_view())
+        else:
+            stages["record"] = Stage(write_track, self.track_view())
+        return stages
+
+    def sense_view(self) -> SenseView:
+        """What the sensors' stage is shown."""
+        rates, drawn = self.tables.rates, self.drawn
+        inertial = drawn.inertial or self._empty(InertialNoise, 0)
+        return SenseView(self.state, self.poses, drawn.noise, inertial, rates, self.readings)
+
+    def estimate_view(self) -> EstimateView:
+        """What the estimator's stage is shown."""
+        memory = self.estimator_memory
+        return EstimateView(self._estimator_numbers, memory, self.readings, self.estimate)
+
+    def command_view(self, joints: Rows) -> CommandView:
+        """What the law's first stage is shown; `joints` as the law wants to see them."""
+        t = self.tables
+        return CommandView(
+            self._law_numbers,
+            t.links,
+            joints,
+            t.joint_rows,
+            t.targets,
+            self.estimate,
+            self.law_memory,
+            self.command,
+        )
+
+    def allocate_view(self) -> AllocateView:
+        """What the allocation's stage is shown."""
+        t = self.tables
+        return AllocateView(
+            self.problem,
+            self.memory,
+            self.estimate,
+            t.ahead,
+            self.command,
+            t.placed[1],
+            t.joint_rows,
+            self.status,
+            self.delivery,
+            self.residual,
+        )
+
+    def inform_view(self, joints: Rows) -> InformView:
+        """What the law's second stage is shown."""
+        t = self.tables
+        return InformView(
+            self._law_numbers,
+            t.links,
+            joints,
+            t.joint_rows,
+            self.estimate,
+            self.law_memory,
+            self.delivery,
+        )
+
+    def record_view(self) -> RecordView:
+        """What the stage that writes the record is shown."""
+        return RecordView(
+            self.state,
+            self.estimate,
+            self.command,
+            self.delivery,
+            self.residual,
+            self.commands,
+            self.speeds,
+            self.entries,
+            self.rotors,
+        )
+
+    def track_view(self) -> TrackView:
+        """What the stage that writes the track is shown."""
+        coefficients = self.tables.thrust_coefficients
+        return TrackView(self.state, self.delivery, self.speeds, coefficients, self.track)
+
+    def plant_view(self, arm: Rows) -> PlantView:
+        """What the plant is shown; `arm` as its derivative wants to see it."""
+        return PlantView(
+            self.state,
+            self.drawn.links,
+            arm,
+            self.drawn.rotors,
+            self.tables.stepping,
+            self.drawn.gust,
+            self.speeds,
+            self.commands,
+        )
+
+    # After a flight.
+
+    def columns(self, lane: int = 0) -> dict[str, Array]:
+        """Columns of a flight's record, as `run.finish` takes them; views of the rows."""
+        names = columns(Entry)
+        entries = self.entries.array[..., lane] if self.lanes else self.entries.array
+        rotors = self.rotors.array[..., lane] if self.lanes else self.rotors.array
+        log = {name: entries[:, part] for name, part in names.items()}
+        log["saturated"] = log["saturated"][:, 0] > 0.0
+        return log | {"rotor_commands": rotors[..., 0], "rotor_speeds": rotors[..., 1]}
+
+    def ending(self, lane: int = 0) -> tuple[int, str]:
+        """How many rows a flight has, and "completed", "diverged" or "not finite"."""
+        status = self.status.array[0, :, lane] if self.lanes else self.status.array[0]
+        end, cause = status.tolist()
+        if end >= self.tables.periods:
+            return self.tables.periods, "completed"
+        return int(end), "diverged" if cause == DIVERGED else "not finite"
+
+    def last_command(self, lane: int = 0) -> Array:
+        """The wrench that the law asked for last, world axes, shape (6,)."""
+        wrench = self.command["wrench"][0]
+        return np.array(wrench[:, lane] if self.lanes else wrench)
+
+    def pose(self, lane: int, row: int) -> Array:
+        """The recorded pose of a row, shape (7,)."""
+        pose = (self.entries if self.keep == "record" else self.track)["pose"][row]
+        return np.array(pose[:, lane] if self.lanes else pose)
+
+
+def in_order(stages: dict[str, Any]) -> dict[str, Any]:
+    """Stages by name, in the order in which a control period calls them."""
+    return {name: stages[name] for name in ORDER if name in stages}
+
+
+def kernel_estimator(estimator: Estimator) -> KernelEstimator:
+    """The estimator, if it is written as a kernel.
+
+    Raises:
+        SettingsError: It is a class of its own.
+    """
+    if isinstance(estimator, KernelEstimator):
+        return estimator
+    raise not_fused("estimator", estimator.name, "KernelEstimator")

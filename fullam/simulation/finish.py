@@ -1,0 +1,97 @@
+"""From what a flight has written to its record: columns that follow from others, and metadata."""
+
+from __future__ import annotations
+
+import functools
+import platform
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import fullam.version
+from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.run import COLUMNS, FORMAT, Run
+
+Array = NDArray[np.float64]
+
+
+def finish(
+    plan: FlightPlan,
+    log: dict[str, Array],
+    rows: int,
+    outcome: str,
+    reason: str,
+    driver: str = "python",
+) -> Run:
+    """Turn what the stages wrote into a run.
+
+    Args:
+        plan: What was flown.
+        log: Columns named as the fields of `stages.Entry` and `stages.RotorEntry`.
+        rows: How many rows are written.
+        outcome: "completed", "diverged" or "flying".
+        reason: Why it diverged.
+        driver: Which driver flew it.
+    """
+    out = {name: column[:rows].copy() for name, column in log.items()}
+    out["t"] = plan.t[:rows].copy()
+    arm_rows = plan.arm_row(1) * np.arange(rows)
+    out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
+    out["reference_pose"] = plan.asked.pose[:rows].copy()
+    out["disturbance"] = plan.forecast.disturbance[:rows].copy()
+    R_true = Rotation.from_quat(out["pose"][:, 3:]).as_matrix()
+    R_told = Rotation.from_quat(out["measured_pose"][:, 3:]).as_matrix()
+    out["velocity"] = _turn(R_true, out.pop("twist"))
+    R_thrust = R_told
+    if plan.anticipation is not None:
+        R_thrust = (
+            R_told @ Rotation.from_rotvec(plan.anticipation.rows["turn"][:rows].copy()).as_matrix()
+        )
+    if not all(plan.scenario.axes_mask):
+        # On axes that nobody controls the allocation falls short without being saturated.
+        asked_A = _turn(R_thrust.transpose(0, 2, 1), out["command"])
+        rotors_A = np.square(out["rotor_commands"]) @ plan.nominal.rotors.coupling_matrix.T
+        out["residual"] = rotors_A - asked_A
+    out["delivered"] = out["command"] + _turn(R_thrust, out["residual"])
+    rotor_A = np.square(out["rotor_speeds"]) @ plan.true.rotors.coupling_matrix.T
+    out["rotor_wrench"] = _turn(R_true, rotor_A)
+    metadata = {
+        "format": FORMAT,
+        "scenario": plan.scenario.to_dict(),
+        "vehicle": plan.nominal.to_data(),
+        "controller": plan.controller,
+        "settings": plan.settings.to_dict(),
+        "simulation": plan.simulation.to_dict(),
+        "weather": plan.weather.to_dict(),
+        "seed": plan.seed,
+        "outcome": outcome,
+        "reason": reason,
+        "driver": driver,
+        "versions": _versions(driver),
+    }
+    return Run({name: out[name] for name in COLUMNS}, metadata)
+
+
+DECISIVE = ("pin", "numpy", "scipy", "proxsuite")
+"""The packages that decide a flight's last bits."""
+
+DECISIVE_FOR = {"fused": ("numba", "llvmlite")}
+"""Those that do so under one driver only, by its name."""
+
+
+@functools.cache
+def _versions(driver: str) -> dict[str, str]:
+    """What flew: versions of this package, Python and all that decides the last bits."""
+    return {
+        "fullam": fullam.version.__version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
+    }
+
+
+def _turn(R: Array, wrenches: Array) -> Array:
+    """Turn both halves of 6-vectors, shape (N, 6), by rotations, shape (N, 3, 3)."""
+    halves = wrenches.reshape(-1, 2, 3)
+    return np.einsum("nij,nkj->nki", R, halves).reshape(-1, 6)

@@ -1,0 +1,183 @@
+"""The stages of a flight, and those of them that belong to nobody else.
+
+A flight is a list of stages, called in turn in every control period:
+
+    watch     has it left the bounds of sense?                       here
+    sense     what do the sensors read?                              here, `sensors`
+    estimate  what does the estimator make of it?                    `fullam.control.estimator`
+    foresee   take the known lags off                                here, `anticipation`
+    command   which wrench does the law want?                        `fullam.control.law`
+    allocate  which rotor speeds give it?                            `fullam.control.delivery`
+    inform    tell the law what it did not get                       `fullam.control.law`
+    record    write the row of the period                            here
+    move      fly the period                                         `plant`
+
+Each is a kernel f(view, k) on a view of its own, so Python, machine code and lanes fly the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from fullam.control.estimator import Readings
+from fullam.control.signals import DIVERGED, ended
+from fullam.dynamics.spatial import (
+    Pose,
+    Spatial,
+)
+from fullam.numbers.kernel import Number, absolute, both, kernel
+from fullam.numbers.vectors import Vector, dot, multiply, subtract
+from fullam.simulation.anticipation import advance
+from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
+
+ORDER = (
+    *("watch", "sense", "estimate", "foresee", "command"),
+    *("allocate", "inform", "record", "move"),
+)
+"""The stages, as a control period calls them."""
+
+
+class Bounds(NamedTuple):
+    """Bounds of sense around the target.
+
+    Squared distance; cosine of half the angle; 1 for each position axis that counts; control
+    periods between looks.
+    """
+
+    distance: Number
+    cosine: Number
+    axes: Vector
+    every: Number
+
+
+class Entry(NamedTuple):
+    """A row of the record; see `fullam.simulation.run.COLUMNS`. Twist in body axes."""
+
+    pose: Pose
+    twist: Spatial
+    measured_pose: Pose
+    measured_velocity: Spatial
+    u_pid: Spatial
+    u_dc: Spatial
+    command: Spatial
+    residual: Spatial
+    saturated: Number
+
+
+class RotorEntry(NamedTuple):
+    """A rotor's part of a row: speed asked for, and true one [rad/s]."""
+
+    command: Number
+    speed: Number
+
+
+class WatchView(NamedTuple):
+    """What `watch` is shown."""
+
+    state: Any
+    targets: Any
+    bounds: Any
+    status: Any
+
+
+class Rates(NamedTuple):
+    """Control periods between two poses, and gravity along -z of {W} [m/s^2]."""
+
+    every: Number
+    gravity: Number
+
+
+class SenseView(NamedTuple):
+    """What `sense` and `sense_all` are shown; `ring` holds the last true poses."""
+
+    state: Any
+    ring: Any
+    noise: Any
+    inertial: Any
+    rates: Any
+    readings: Any
+
+
+class ForeseeView(NamedTuple):
+    """What `foresee` is shown."""
+
+    ahead: Any
+    estimate: Any
+
+
+class RecordView(NamedTuple):
+    """What `record_entry` is shown."""
+
+    state: Any
+    estimate: Any
+    command: Any
+    delivery: Any
+    residual: Any
+    commands: Any
+    speeds: Any
+    entries: Any
+    rotors: Any
+
+
+@kernel
+def sense(view, k):
+    """Read the pose; the true velocity goes along for the estimator that cheats."""
+    state, last = view.state[0], view.readings[0]
+    keep_pose(view.ring, state.pose, k)
+    pose = sense_pose(view.ring, view.noise[k], last.pose, view.rates[0].every, k)
+    view.readings[0] = Readings(pose, state.twist, last.gyroscope, last.accelerometer)
+
+
+@kernel
+def sense_all(view, k):
+    """Read the pose and the inertial sensors."""
+    sense(view, k)
+    state, readings = view.state[0], view.readings[0]
+    felt = sense_inertial(
+        state.pose.attitude,
+        state.twist,
+        state.acceleration,
+        view.rates[0].gravity,
+        view.inertial[k],
+    )
+    view.readings[0] = Readings(
+        readings.pose, readings.velocity, felt.gyroscope, felt.accelerometer
+    )
+
+
+@kernel
+def foresee(view, k):
+    """Take the estimator's lag off the estimate."""
+    view.estimate[0] = advance(view.estimate[0], view.ahead[k])
+
+
+@kernel
+def watch(view, k):
+    """Note where a flight has left the bounds of sense (NaN has)."""
+    bounds = view.bounds[0]
+    if k % int(bounds.every) == 0:
+        pose, target, status = view.state[0].pose, view.targets[k].pose, view.status[0]
+        away = multiply(bounds.axes, subtract(pose.position, target.position))
+        a, b = pose.attitude, target.attitude
+        cosine = absolute(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
+        near = both(dot(away, away) <= bounds.distance, cosine >= bounds.cosine)
+        view.status[0] = ended(status, near, k, DIVERGED)
+
+
+@kernel
+def record_entry(view, k):
+    """Write the row of period k, before the vehicle moves on."""
+    state, estimate, command = view.state[0], view.estimate[0], view.command[0]
+    view.entries[k] = Entry(
+        state.pose,
+        state.twist,
+        estimate.pose,
+        estimate.velocity,
+        command.u_pid,
+        command.u_dc,
+        command.wrench,
+        view.residual[0],
+        view.delivery[0].saturated,
+    )
+    for i in range(len(view.speeds)):
+        view.rotors[k][i] = RotorEntry(view.commands[i], view.speeds[i])

@@ -1,0 +1,82 @@
+"""Joints have units and limits, in scenarios and in flight."""
+
+import numpy as np
+import pytest
+
+import fullam
+from fullam.exceptions import ScenarioError
+from fullam.model.vehicle import Vehicle
+from fullam.simulation.arm_motion import HoldArm, SineRate
+from fullam.simulation.run import Run
+
+
+def with_tip(kind, limits='lower="-0.15" upper="0.15"'):
+    """The default vehicle with another kind of joint 4."""
+    vehicle = fullam.load_vehicle("fullam")
+    start = vehicle.urdf.index('<joint name="joint_4"')
+    end = vehicle.urdf.index("</joint>", start)
+    joint = vehicle.urdf[start:end].replace('type="revolute"', f'type="{kind}"')
+    before, after = joint.split("<limit", 1)
+    joint = f'{before}<limit effort="1.5" velocity="1" {limits}{after[after.index("/>") :]}'
+    return Vehicle.from_definition(
+        vehicle.definition, vehicle.urdf[:start] + joint + vehicle.urdf[end:]
+    )
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    return with_tip("prismatic")
+
+
+HOLD = HoldArm()
+
+
+def scenario(motion=HOLD, arm=(-90.0, 0.0, -45.0, 0.05), **more):
+    return fullam.Scenario("reach", arm_motion=motion, initial_arm_deg=arm, duration=1.0, **more)
+
+
+def test_a_prismatic_joint_starts_and_moves_in_metres(sliding, tmp_path):
+    motion = SineRate(joint=4, rate=0.1, frequency=np.pi)
+    run = fullam.simulate(scenario(motion), vehicle=sliding, calm=True)
+    assert run.outcome == "completed"
+    assert run.arm[0].tolist() == [-np.pi / 2, 0.0, -np.pi / 4, 0.05]
+    # a (1 - cos w t) / w at t = 1 s.
+    assert run.arm[-1, 3] == pytest.approx(0.05 + 0.2 / np.pi, rel=1e-9)
+    assert run.units["arm"] == "rad, rad, rad, m"
+    assert run.units["arm_rate"] == "rad/s, rad/s, rad/s, m/s"
+    run.save(tmp_path / "run.npz")
+    again = Run.load(tmp_path / "run.npz")
+    assert again.units == run.units
+    assert np.array_equal(again.refly().pose, run.pose)
+
+
+def test_a_continuous_joint_may_turn_over_and_over():
+    vehicle = with_tip("continuous")
+    motion = SineRate(joint=4, rate=1.0, frequency=0.5)
+    run = fullam.simulate(scenario(motion, (0.0, 0.0, 0.0, 700.0)), vehicle=vehicle, calm=True)
+    assert run.outcome == "completed"
+    assert run.arm[0, 3] == pytest.approx(np.radians(700.0), rel=1e-15)
+    assert run.pose.shape[1] == 7
+    assert run.units["arm"] == "rad"
+
+
+@pytest.mark.parametrize(
+    ("motion", "arm", "words"),
+    [
+        (HOLD, (0, 0, 0, 0.2), "initial_arm_deg.*'joint_4' to 0.2 m; .* from -0.15 to 0.15 m"),
+        (HOLD, (0, 300.0, 0, 0), "initial_arm_deg.*'joint_2' to 300 deg; .* -150 to 150 deg"),
+        (SineRate(4, 0.2, 1.0), (0, 0, 0, 0.1), "arm motion.*'joint_4' to 0.1919 m"),
+        (SineRate(2, 3.0, 1.0), (0, 120.0, 0, 0), "arm motion.*'joint_2' to .* deg"),
+        (SineRate(4, 1.1, 40.0), (0, 0, 0, 0), "arm motion.*'joint_4' at 1.1 m/s; it can 1 m/s"),
+        (HOLD, (0, 0, 0), r"has 3 positions.*has 4 joints \[deg, deg, deg, m\]"),
+    ],
+)
+def test_beyond_the_limits_is_refused_before_take_off(sliding, motion, arm, words):
+    with pytest.raises(ScenarioError, match=words):
+        fullam.simulate(scenario(motion, arm), vehicle=sliding, calm=True)
+
+
+def test_without_positions_the_arm_is_at_rest_within_its_limits():
+    vehicle = with_tip("prismatic", 'lower="0.02" upper="0.3"')
+    run = fullam.simulate(scenario(arm=()), vehicle=vehicle, calm=True)
+    assert run.arm[0].tolist() == [0.0, 0.0, 0.0, 0.02]
