@@ -35,7 +35,8 @@ class Hover:
         feasible: Whether they hold it.
         missing: What is missing of the wrench that would, in {A}, shape (6,) [N, N m].
         tilt: Angle between the platform's z and the vertical [rad].
-        largest_tilt: Tilt in this direction up to which all can be held [rad]; 0 without hover.
+        azimuth: Where the platform leans to, seen from {A} [rad].
+        envelope: What it can do in this arm pose.
     """
 
     vehicle: Vehicle
@@ -45,7 +46,13 @@ class Hover:
     feasible: bool
     missing: Array
     tilt: float
-    largest_tilt: float
+    azimuth: float
+    envelope: Envelope
+
+    @property
+    def largest_tilt(self) -> float:
+        """Tilt in this direction up to which all can be held [rad]; 0 without hover."""
+        return float(np.nan_to_num(self.envelope.rose(self.azimuth)[0]))
 
     @property
     def shares(self) -> Array:
@@ -106,7 +113,8 @@ def hover(
         feasible=bool(attained(envelope.facets, envelope.load.wrench(up_A))),
         missing=wrench_A - rotors.wrench(speeds),
         tilt=float(np.arccos(np.clip(up_A[2], -1.0, 1.0))),
-        largest_tilt=float(np.nan_to_num(envelope.rose(azimuth)[0])),
+        azimuth=azimuth,
+        envelope=envelope,
     )
 
 
