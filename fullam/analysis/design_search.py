@@ -308,6 +308,8 @@ def pareto_front(
 ) -> list[Found]:
     """The best objective at each least hover efficiency: a front of two aims.
 
+    A search that did worse than one under a stricter bound takes the latter's layout.
+
     Args:
         vehicle: As in `DesignSearch.run`.
         search: What to raise; its own least efficiency is replaced.
@@ -315,9 +317,16 @@ def pareto_front(
         progress: Told (searches done, searches in all).
     """
     levels = np.asarray(efficiencies, dtype=float)
-    front = []
+    front: list[Found] = []
     for k, level in enumerate(levels):
         front.append(replace(search, min_efficiency=float(level)).run(vehicle))
         if progress is not None:
             progress(k + 1, len(levels))
-    return front
+    layouts = [found.best for found in front]
+    return [replace(found, best=_best_of(vehicle, found, layouts)) for found in front]
+
+
+def _best_of(vehicle: Vehicle, found: Found, layouts: list[Layout]) -> Layout:
+    """The best under a search's constraints; what was found under stricter ones may be it."""
+    judge = _Layouts.of(vehicle, found.search)
+    return min(layouts, key=lambda layout: judge.cost(layout.merit))
