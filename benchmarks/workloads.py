@@ -232,7 +232,7 @@ def record_demanding(vehicle: str) -> Bank:
     scenario = replace(flown.scenario, initial_position=tuple(center), reference=jumps)
     unblended = {"max_acceleration": None, "max_angular_acceleration": None}
     wide = replace(KILOHERTZ, max_position_error=50.0, max_attitude_error_deg=179.9)
-    jumping = prepare(scenario, vehicle=flown.nominal, settings=unblended, simulation=wide)
+    jumping = prepare(scenario, vehicle=flown.nominal, shaping=unblended, simulation=wide)
     return bank_of(jumping, starts, BANK // len(starts))
 
 

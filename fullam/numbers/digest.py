@@ -9,10 +9,12 @@ from __future__ import annotations
 import dis
 import hashlib
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fullam.numbers.records import Rows, layout
 
@@ -55,10 +57,18 @@ def _parts(function: Any, seen: set[int]) -> Iterator[str]:
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     named.update({name: cell.cell_contents for name, cell in cells})
     yield from _code(function.__code__)
-    for name in sorted(_names(function.__code__)):
+    for default in (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()):
+        yield from _value(default, frozenset(), seen)
+    names = frozenset(_names(function.__code__))
+    yield from _members(names, named, seen)
+
+
+def _members(names: frozenset[str], named: Mapping[str, Any], seen: set[int]) -> Iterator[str]:
+    """Those of some names that mean something, and what they mean."""
+    for name in sorted(names):
         if name in named:
             yield name
-            yield from _value(named[name], seen)
+            yield from _value(named[name], names, seen)
 
 
 def _code(code: types.CodeType) -> Iterator[str]:
@@ -81,10 +91,19 @@ def _names(code: types.CodeType) -> set[str]:
     return names
 
 
-def _value(value: Any, seen: set[int]) -> Iterator[str]:
+def _value(value: Any, names: frozenset[str], seen: set[int]) -> Iterator[str]:
+    """What a name means; of a module, what those of the names mean that may be its attributes."""
     if isinstance(value, types.FunctionType):
         yield from _parts(value, seen)
+    elif isinstance(value, types.ModuleType):
+        if id(value) not in seen:
+            seen.add(id(value))
+            yield from _members(names, vars(value), seen)
+            seen.discard(id(value))
     elif isinstance(value, type) and hasattr(value, "_fields"):
         yield repr((value.__qualname__, value._fields))
+    elif isinstance(value, np.ndarray):
+        yield repr((value.dtype.str, value.shape))
+        yield value.tobytes().hex()
     else:
         yield repr(value) if isinstance(value, float | int | str | tuple | bool) else str(value)

@@ -12,6 +12,7 @@ from fullam.exceptions import MissingDependency
 from fullam.model.design import VehicleDesign
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.viz.polytope import rose_svg
 from fullam.viz.viewer.portrait import Hover, hover, stage
 from fullam.viz.viewer.scene import THRUST_COLOURS
 from fullam.viz.viewer.server import ViewerServer
@@ -126,7 +127,7 @@ def _short(name: str) -> str:
 
 
 def report(found: Hover) -> str:
-    """Feasibility and a bar per rotor, as HTML."""
+    """Feasibility, the tilt rose and a bar per rotor, as HTML."""
     if found.feasible:
         verdict = f'<b style="color: #00704f">holds</b>, {found.shares.max():.0%} of full thrust'
     else:
@@ -136,6 +137,7 @@ def report(found: Hover) -> str:
         )
     tilt, most = np.rad2deg(found.tilt), np.rad2deg(found.largest_tilt)
     rows = [f"<div>{verdict}</div><div>tilt {tilt:.0f}°; {most:.0f}° can be held this way</div>"]
+    rows.append(f"<div>{rose_svg(found.envelope, found.tilt, found.azimuth)}</div>")
     colour = THRUST_COLOURS[1]
     for name, speed, share in zip(
         found.vehicle.rotors.names, found.speeds, found.shares, strict=True
@@ -148,3 +150,16 @@ def report(found: Hover) -> str:
             f"</span><span>{speed:.0f} rad/s</span></div>"
         )
     return "".join(rows)
+
+
+def explore(vehicle: Vehicle | str = "fullam", height: int = 480) -> Explorer:
+    """Sliders for arm, tilt and cant of a vehicle, with hover speeds and feasibility, live.
+
+    Args:
+        vehicle: A vehicle or its name; cant has a slider only for vehicles made from a design.
+        height: Of the scene [px].
+
+    Raises:
+        MissingDependency: ipywidgets is not installed.
+    """
+    return Explorer(vehicle, height)
