@@ -22,6 +22,7 @@ def view(
     offset: float | Sequence[float] | None = None,
     labels: Sequence[str] | None = None,
     height: int = 480,
+    forces: bool = False,
 ) -> View:
     """Look at one record, at several side by side, or at a vehicle as it hovers.
 
@@ -33,6 +34,7 @@ def view(
         offset: How far apart they are drawn [m], to the right in the picture; or a vector [m].
         labels: Their names on the page; by default the controllers'.
         height: Of the cell [px].
+        forces: For a vehicle, draw the forces that it attains about the platform.
 
     Raises:
         InvalidInput: No record, one without a tick, not one label a record, or a vehicle among
@@ -44,7 +46,7 @@ def view(
     from fullam.viz.viewer.view import View
 
     if len(subjects) == 1 and isinstance(subjects[0], Vehicle):
-        return View(portrait(subjects[0]), height)
+        return View(portrait(subjects[0], forces=forces), height)
     runs = [run for run in subjects if not isinstance(run, Vehicle)]
     if len(runs) < len(subjects):
         raise InvalidInput("view", "subjects", "mix vehicles and records", "give one vehicle alone")
