@@ -8,16 +8,12 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
     print(fullam.measure(run))
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
-from fullam.analysis.metrics import Metrics, measure
-from fullam.control.allocation import Allocation, Allocator
-from fullam.control.controller import Controller
-from fullam.control.controllers import controller_names, make_controller, register
-from fullam.control.estimators import estimator_names
 from fullam.exceptions import FullamError
-from fullam.model.design import VehicleDesign, design_vehicle
 from fullam.model.loading import load_vehicle, vehicle_names
-from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.references import Circle, Step, Waypoints
@@ -28,14 +24,58 @@ from fullam.simulation.scenario import (
     register_scenario,
     scenario_names,
 )
-from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
-from fullam.viz.viewer import explore, view
 
-# Vehicles and records know nothing of pictures: what one sees imports what is, not the reverse.
-Run.view = Vehicle.view = view  # type: ignore[attr-defined]
+if TYPE_CHECKING:
+    from fullam.analysis.metrics import Metrics, measure
+    from fullam.control.allocation import Allocation, Allocator
+    from fullam.control.controller import Controller
+    from fullam.control.controllers import controller_names, make_controller, register
+    from fullam.control.estimators import estimator_names
+    from fullam.model.design import VehicleDesign, design_vehicle
+    from fullam.model.rotors import Rotors
+    from fullam.simulation.many import fly_many
+    from fullam.simulation.refly import refly
+    from fullam.simulation.settings import SimulationSettings
+    from fullam.simulation.shaping import Shaping
+    from fullam.simulation.simulate import prepare, simulate
+    from fullam.viz.viewer.view import view
+    from fullam.viz.viewer.widgets import explore
+
+LATER = {
+    "fullam.analysis.metrics": ("Metrics", "measure"),
+    "fullam.control.allocation": ("Allocation", "Allocator"),
+    "fullam.control.controller": ("Controller",),
+    "fullam.control.controllers": ("controller_names", "make_controller", "register"),
+    "fullam.control.estimators": ("estimator_names",),
+    "fullam.model.design": ("VehicleDesign", "design_vehicle"),
+    "fullam.model.rotors": ("Rotors",),
+    "fullam.simulation.many": ("fly_many",),
+    "fullam.simulation.refly": ("refly",),
+    "fullam.simulation.settings": ("SimulationSettings",),
+    "fullam.simulation.shaping": ("Shaping",),
+    "fullam.simulation.simulate": ("prepare", "simulate"),
+    "fullam.viz.viewer.view": ("view",),
+    "fullam.viz.viewer.widgets": ("explore",),
+}
+"""Modules that are imported when a name of theirs is asked for: a help text flies nothing."""
+
+HOMES = {name: module for module, names in LATER.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of `LATER`, imported at its first use."""
+    if name not in HOMES:
+        raise AttributeError(f"module 'fullam' has no attribute '{name}'")
+    globals()[name] = getattr(import_module(HOMES[name]), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    """All names, for completion."""
+    return sorted({*globals(), *__all__})
+
 
 __all__ = [
     "Allocation",
@@ -48,6 +88,7 @@ __all__ = [
     "Rotors",
     "Run",
     "Scenario",
+    "Shaping",
     "SimulationSettings",
     "SineRate",
     "Step",
@@ -60,10 +101,13 @@ __all__ = [
     "design_vehicle",
     "estimator_names",
     "explore",
+    "fly_many",
     "load_scenario",
     "load_vehicle",
     "make_controller",
     "measure",
+    "prepare",
+    "refly",
     "register",
     "register_scenario",
     "scenario_names",

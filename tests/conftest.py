@@ -2,6 +2,10 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
+
+# Small matrices: more threads than idle processors take up to fifty times as long.
+threadpool_limits(1)
 
 
 @pytest.fixture

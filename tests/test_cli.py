@@ -108,19 +108,19 @@ def test_run_json_is_only_json_and_equals_the_library(fullam, scenario, tmp_path
         assert key in data
 
 
-def test_both_engines_fly_from_the_command_line(fullam, scenario):
+def test_both_drivers_fly_from_the_command_line(fullam, scenario):
     pytest.importorskip("numba", reason="the extra 'fast' is not installed")
     said = {}
-    for engine in ("reference", "compiled"):
-        code, out, _ = fullam("run", scenario(SHORT), "--engine", engine, "--json")
+    for driver in ("python", "fused"):
+        code, out, _ = fullam("run", scenario(SHORT), "--driver", driver, "--json")
         assert code == OK
-        said[engine] = json.loads(out)
-        assert said[engine]["engine"] == engine
-    one, other = (said[engine]["rms_position_mm"] for engine in said)
+        said[driver] = json.loads(out)
+        assert said[driver]["driver"] == driver
+    one, other = (said[driver]["rms_position_mm"] for driver in said)
     assert one == pytest.approx(other, rel=1e-9)
-    code, _, err = fullam("run", scenario(SHORT), "--engine", "steam")
+    code, _, err = fullam("run", scenario(SHORT), "--driver", "steam")
     assert code == USAGE
-    assert "compiled" in err
+    assert "fused" in err
 
 
 def test_options_reach_the_flight(fullam, scenario, tmp_path):
@@ -128,14 +128,14 @@ def test_options_reach_the_flight(fullam, scenario, tmp_path):
     code, *_ = fullam(
         *("run", scenario(SHORT), "--controller", "dc-pid", "--out", path),
         *("--set", "compensation=previous_wrench", "--set", "position_gains=[9.0, 1, 5]"),
-        *("--set", "max_acceleration=null", "--weather", "recorded"),
+        *("--shape", "max_acceleration=null", "--weather", "recorded"),
         *("--control-rate", 200, "--plant-rate", 400, "--estimator", "truth"),
     )
     assert code == OK
     run = Run.load(path)
     assert run.settings["compensation"] == "previous_wrench"
     assert tuple(run.settings["position_gains"]) == (9.0, 1.0, 5.0)
-    assert run.settings["max_acceleration"] is None
+    assert run.scenario.shaping.max_acceleration is None
     assert run.weather.force_disturbance == 10.0
     assert run.weather.uncertainty.share == 0.0
     assert run.simulation.control_period == 1 / 200
@@ -194,7 +194,7 @@ def test_diverged_flight_exits_1_and_still_reports(fullam, scenario):
 def test_flight_that_would_end_before_its_first_tick_is_refused(fullam, scenario, tmp_path):
     figure = tmp_path / "figure.png"
     code, out, err = fullam(
-        *("run", scenario(FAR), "--set", "max_acceleration=null", "--json", "--figure", figure)
+        *("run", scenario(FAR), "--shape", "max_acceleration=null", "--json", "--figure", figure)
     )
     assert (code, out) == (USAGE, "")
     assert "max_position_error" in err
@@ -256,7 +256,7 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
         (["run", "task-1", "--set", "gain=1"], "it has position_gains"),
         (["run", "task-1", "--set", "gain"], "not KEY=VALUE"),
         (["run", "task-1", "--set", "position_gains=high"], "position_gains"),
-        (["run", "task-1", "--set", 'max_acceleration="x"'], "max_acceleration"),
+        (["run", "task-1", "--shape", 'max_acceleration="x"'], "max_acceleration"),
         (["run", "task-1", "--vehicle", "borinot"], "rank 4 on the 6 axes"),
         (["run", "task-1", "--vehicle", "hextilt"], "5 joints"),
         (["run", "no/such.toml"], "unknown scenario"),

@@ -182,6 +182,9 @@ def agreement(vehicle: Vehicle, samples: int = 1000, seed: int = 0) -> Agreement
 
     Returns:
         Largest relative differences in acceleration, f_1, tau_1 and u_dc.
+
+    Raises:
+        VehicleError: The paper's equations do not hold for the arm; names the joint.
     """
     rng = np.random.default_rng(seed)
     largest: dict[str, Array] = {}

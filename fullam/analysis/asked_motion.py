@@ -61,7 +61,7 @@ class AskedMotion:
         """Times from the jump on [s], shape (N - start,)."""
         return self.t[self.start :] - self.t[self.start]
 
-    @property
+    @cached_property
     def step(self) -> Array:
         """The jump, shape (6,) [mm, deg]; 0 where it is no step."""
         jump = self.change[self.start]

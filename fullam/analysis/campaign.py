@@ -7,59 +7,43 @@ allocation finds no answer, is a row. The result is the same file whatever flew 
 from __future__ import annotations
 
 import functools
-import importlib.util
 import itertools
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from fullam.analysis import provenance
-from fullam.analysis.cluster import Scheduler, ThisProcess, open_workers
+from fullam.analysis.campaign_store import open_store
+from fullam.analysis.campaign_table import FORMAT, CampaignTable, Cells, Key
+from fullam.analysis.cluster import Scheduler, checked_jobs, open_workers
 from fullam.analysis.contender import Contender
-from fullam.analysis.metrics import measure
+from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.provenance import cached_vehicle
-from fullam.analysis.response import coordinates
 from fullam.control.controllers import controller_class, register
 from fullam.control.estimators import estimator_class, register_estimator
-from fullam.exceptions import (
-    AllocationFailed,
-    CampaignError,
-    NonFiniteWrench,
-    SettingsError,
-    UnknownName,
-    VehicleError,
-)
+from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
+from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.progress import Progress
 from fullam.simulation.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import ENGINES, fly_under_seeds, prepare
+from fullam.simulation.simulate import prepare
 from fullam.simulation.weather import Weather
 from fullam.simulation.weather import weather as named_weather
-
-if TYPE_CHECKING:
-    from fullam.analysis.campaign_store import CampaignTable, Key
-    from fullam.simulation.flight_plan import FlightPlan
-    from fullam.simulation.run import Run
 
 SLICE = 0.25
 """After this long a worker hands over what it has flown [s]: a kill costs no more than that."""
 
-BATCH = {"reference": 8, "compiled": 64}
+BATCH = {"python": 8, "fused": 64}
 """Flights in a task: about a second of work against 3 ms of scheduling and 10 ms of preparation."""
 
 TRACE_PERIOD = 0.04
 """Time between kept samples of a motion [s]; the motion itself is below 5 Hz."""
-
-FASTEST = "fastest"
-"""Stands for the fastest engine that covers a flight."""
-
-FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
-"""What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +56,13 @@ class Campaign:
         seeds: Seeds of the weather.
         weather: A weather or its name; None takes each scenario's own.
         simulation: Rates, integrator, sensors.
-        engine: Which engine flies; `FASTEST` takes, contender by contender, the compiled engine
-            where that is installed and covers what is flown, and the reference engine elsewhere.
+        driver: Who flies; `FASTEST` takes, contender by contender, machine code where law and
+            estimator are written as kernels, and Python elsewhere.
         traces: Keep each motion, every `TRACE_PERIOD`.
+        vehicles: Vehicle of each name that a scenario has, as its files were when this was made.
+        registered: Classes that fly here and are not fullam's own, by "controller NAME" or
+            "estimator NAME".
+        drivers: Driver that flies each contender, by its label.
     """
 
     scenarios: tuple[Scenario, ...]
@@ -82,8 +70,11 @@ class Campaign:
     seeds: tuple[int, ...]
     weather: Weather | None = None
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
-    engine: str = "reference"
+    driver: str = FASTEST
     traces: bool = False
+    vehicles: dict[str, Vehicle] = field(init=False, repr=False, compare=False)
+    registered: dict[str, type] = field(init=False, repr=False, compare=False)
+    drivers: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Look names up and refuse what cannot be flown, before anything flies.
@@ -104,13 +95,6 @@ class Campaign:
                 )
         seeds = tuple(int(s) for s in self.seeds)
         weather = named_weather(self.weather) if isinstance(self.weather, str) else self.weather
-        for name, value in (
-            ("scenarios", scenarios),
-            ("contenders", contenders),
-            ("seeds", seeds),
-            ("weather", weather),
-        ):
-            object.__setattr__(self, name, value)
         for what, names in (
             ("scenarios", [s.name for s in scenarios]),
             ("contenders", [c.label for c in contenders]),
@@ -120,43 +104,54 @@ class Campaign:
                 raise CampaignError(
                     "campaign", what, f"are {names}", "give at least one, each of them once"
                 )
-        if self.engine not in (*ENGINES, FASTEST):
-            raise UnknownName("engine", self.engine, (*ENGINES, FASTEST))
         # What a name stands for is fixed here, and travels to the workers: a file that is edited,
         # or is another one elsewhere, cannot mix two vehicles in one table.
         vehicles = {s.vehicle: cached_vehicle(s.vehicle) for s in scenarios}
-        object.__setattr__(self, "_vehicles", vehicles)
-        object.__setattr__(self, "_classes", self._registered())
-        plans = {c.label: [self.plan(s, c) for s in scenarios] for c in contenders}
-        engines = {
-            label: self.engine if self.engine != FASTEST else fastest_engine(those)
-            for label, those in plans.items()
+        self._fix(scenarios=scenarios, contenders=contenders, seeds=seeds, weather=weather)
+        self._fix(vehicles=vehicles, registered=self._registered())
+        usual = self.simulation.estimator
+        drivers = {
+            c.label: driver_of(c.controller, c.estimator or usual, self.driver) for c in contenders
         }
-        object.__setattr__(self, "_engines", engines)
+        self._fix(drivers=drivers)
+        for scenario, contender in itertools.product(scenarios, contenders):
+            self.plan(scenario, contender)
 
-    @property
-    def engines(self) -> dict[str, str]:
-        """Engine that flies each contender, by its label."""
-        engines: dict[str, str] = self._engines  # type: ignore[attr-defined]
-        return engines
+    def _fix(self, **values: Any) -> None:
+        """Set fields while this is being made."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @functools.cached_property
+    def _plans(self) -> dict[tuple[str, str], FlightPlan]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What travels to a worker: it prepares the plans of its own flights."""
+        return {name: value for name, value in vars(self).items() if name != "_plans"}
 
     def plan(self, scenario: Scenario, contender: Contender) -> FlightPlan:
-        """What a contender flies in a scenario, under the first seed."""
-        simulation = self.simulation
-        if contender.estimator is not None:
-            simulation = replace(simulation, estimator=contender.estimator)
-        return prepare(
-            scenario,
-            contender.controller,
-            vehicle=self._vehicles[scenario.vehicle],  # type: ignore[attr-defined]
-            seed=self.seeds[0],
-            weather=self.weather,
-            settings=contender.settings,
-            simulation=simulation,
-        )
+        """What a contender flies in a scenario, under any seed; prepared once."""
+        key = (scenario.name, contender.label)
+        if key not in self._plans:
+            simulation = self.simulation
+            if contender.estimator not in (None, simulation.estimator):
+                # The campaign's settings are those of its own estimator.
+                simulation = replace(
+                    simulation, estimator=contender.estimator, estimator_settings={}
+                )
+            self._plans[key] = prepare(
+                scenario,
+                contender.controller,
+                vehicle=self.vehicles[scenario.vehicle],
+                weather=self.weather,
+                settings=contender.settings,
+                simulation=simulation,
+            )
+        return self._plans[key]
 
     def _registered(self) -> dict[str, type]:
-        """Classes that fly here and are not fullam's own: "controller NAME" or "estimator NAME"."""
+        """Classes that would fly now and are not fullam's own."""
         found: dict[str, type] = {}
         for contender in self.contenders:
             estimator = contender.estimator or self.simulation.estimator
@@ -166,9 +161,8 @@ class Campaign:
 
     def conditions(self) -> dict[str, Any]:
         """Digests and versions of what flies, as this process has it; JSON values."""
-        vehicles: dict[str, Vehicle] = self._vehicles  # type: ignore[attr-defined]
         return {
-            "vehicles": {n: provenance.vehicle_digest(v) for n, v in vehicles.items()},
+            "vehicles": {n: provenance.vehicle_digest(v) for n, v in self.vehicles.items()},
             "registered": {n: provenance.class_digest(c) for n, c in self._registered().items()},
             "versions": provenance.versions(),
             "code": provenance.code_digest(),
@@ -186,8 +180,6 @@ class Campaign:
 
     def identity(self) -> dict[str, Any]:
         """The conditions of a row, as JSON values; seeds are not among them."""
-        from fullam.analysis.campaign_store import FORMAT
-
         return {
             "format": FORMAT,
             "scenarios": [s.to_dict() for s in self.scenarios],
@@ -202,77 +194,42 @@ class Campaign:
             ],
             "weather": None if self.weather is None else self.weather.to_dict(),
             "simulation": self.simulation.to_dict(),
-            "engines": self.engines,
+            "drivers": self.drivers,
             "traces": TRACE_PERIOD if self.traces else None,
         } | self.conditions()
 
-    def fly(self, keys: list[Key]) -> Iterator[dict[str, Any]]:
-        """Fly some cells, one row after the other; neighbours of one plan share it.
+    def fly(self, keys: list[Key], threads: int = 1) -> Iterator[Cells]:
+        """Fly some cells, a few at a time; neighbours of one plan share it.
 
-        Raises:
-            MissingDependency: The engine's package is not installed.
+        Args:
+            keys: The cells.
+            threads: Threads of the fused driver.
         """
+        period = self.simulation.control_period
+        trace_every = max(1, round(TRACE_PERIOD / period)) if self.traces else 0
         for (name, label), group in itertools.groupby(keys, key=lambda key: key[:2]):
             scenario = next(s for s in self.scenarios if s.name == name)
             contender = next(c for c in self.contenders if c.label == label)
-            plan = self.plan(scenario, contender)
-            fly = fly_under_seeds(plan, self.engines[label])
-            for _, _, seed in group:
-                row: dict[str, Any] = {
-                    "scenario": name,
-                    "contender": label,
-                    "controller": contender.controller,
-                    "estimator": plan.simulation.estimator,
-                    "seed": seed,
-                }
-                yield row | self._figures(fly, seed, plan.nominal)
-
-    def _figures(self, fly: Callable[[int], Run], seed: int, vehicle: Vehicle) -> dict[str, Any]:
-        """What a flight gives to its row."""
-        from fullam.analysis.campaign_store import flatten
-
-        try:
-            run = fly(seed)
-        except FLIGHT_ENDED as error:
-            return {"outcome": "failed", "reason": str(error)}
-        row: dict[str, Any] = {
-            "outcome": run.outcome,
-            "reason": str(run.metadata.get("reason", "")),
-        }
-        if self.traces:
-            stride = max(1, round(TRACE_PERIOD / self.simulation.control_period))
-            row["trace"] = coordinates(run.pose)[::stride].ravel().astype(np.float32).tolist()
-        return row | flatten(measure(run, vehicle))
+            plan, seeds = self.plan(scenario, contender), [seed for _, _, seed in group]
+            estimator = plan.simulation.estimator
+            for flights in fly_judged(
+                plan, seeds, self.drivers[label], threads=threads, trace_every=trace_every
+            ):
+                yield Cells(name, label, contender.controller, estimator, flights)
 
 
-def fastest_engine(plans: Iterable[FlightPlan]) -> str:
-    """The compiled engine if it is installed and covers all these flights, else the reference."""
-    if importlib.util.find_spec("numba") is None:
-        return "reference"
-    from fullam.simulation.compiled.arrays import check
-
-    try:
-        for plan in plans:
-            check(plan)
-    except (SettingsError, VehicleError):
-        return "reference"
-    return "compiled"
-
-
-def fly_slice(
-    campaign: Campaign, conditions: dict[str, Any], keys: list[Key]
-) -> list[dict[str, Any]]:
-    """Rows of the first cells, as many as fit into `SLICE`; this is what a worker is sent.
+def fly_slice(campaign: Campaign, conditions: dict[str, Any], keys: list[Key]) -> list[Cells]:
+    """Flights of the first cells, as many as fit into `SLICE`; this is what a worker is sent.
 
     Args:
         campaign: What is flown.
-        conditions: `Campaign.conditions` of the process that wants the rows.
+        conditions: `Campaign.conditions` of the process that wants the flights.
         keys: The cells; at least the first is flown.
 
     Raises:
         CampaignError: What would fly here is not what would fly there.
     """
-    for name, cls in campaign._classes.items():  # type: ignore[attr-defined]
+    for name, cls in campaign.registered.items():
         kind, _, called = name.partition(" ")
         (register if kind == "controller" else register_estimator)(called)(cls)
     here = campaign.conditions()
@@ -284,12 +241,12 @@ def fly_slice(
             f"differ from the campaign's ({_contrast(conditions, here, differing)})",
             "install one version of everything everywhere",
         )
-    rows, end = [], time.monotonic() + SLICE
-    for row in campaign.fly(keys):
-        rows.append(row)
+    flown, end = [], time.monotonic() + SLICE
+    for cells in campaign.fly(keys):
+        flown.append(cells)
         if time.monotonic() >= end:
             break
-    return rows
+    return flown
 
 
 def _contrast(there: dict[str, Any], here: dict[str, Any], names: list[str]) -> str:
@@ -322,7 +279,7 @@ def sweep(
     Args:
         campaign: What is flown.
         out: The result; must end in .parquet.
-        jobs: Worker processes. 1 flies in this process.
+        jobs: Threads of this process; for laws and estimators that are no kernels, processes.
         scheduler: A running dask scheduler, or its address, instead.
         overwrite: Forget what `out` holds instead of continuing it.
         progress: Told how many rows are kept.
@@ -335,8 +292,6 @@ def sweep(
             below 1; on a worker something else would fly; a worker keeps dying.
         MissingDependency: pyarrow, or what the workers need, is not installed.
     """
-    from fullam.analysis.campaign_store import open_store
-
     identity, order = campaign.identity(), campaign.keys
     with open_store(out, identity, overwrite) as store:
         kept = store.keys
@@ -344,9 +299,9 @@ def sweep(
         done = len(order) - len(pending)
         if progress is not None:
             progress(done, len(order))
-        for rows in _flown(campaign, pending, jobs, scheduler):
-            store.append(rows)
-            done += len(rows)
+        for cells in _flown(campaign, pending, checked_jobs(jobs), scheduler):
+            store.append(cells)
+            done += len(cells)
             if progress is not None:
                 progress(done, len(order))
         return store.finish(order)
@@ -354,20 +309,29 @@ def sweep(
 
 def _flown(
     campaign: Campaign, pending: list[Key], jobs: int, scheduler: Scheduler | str | None
-) -> Iterator[list[dict[str, Any]]]:
-    """Rows, a few at a time, in the order in which their flights end."""
-    batches = []
-    for (_, label), group in itertools.groupby(pending, key=lambda key: key[:2]):
-        cells, size = list(group), BATCH[campaign.engines[label]]
-        batches += [cells[i : i + size] for i in range(0, len(cells), size)]
-    if not batches:
+) -> Iterator[Cells]:
+    """Flights, a few at a time, in the order in which they end."""
+    here, there = pending, []
+    if scheduler is not None:
+        here, there = [], pending
+    elif jobs > 1:
+        here = [key for key in pending if campaign.drivers[key[1]] == "fused"]
+        there = [key for key in pending if campaign.drivers[key[1]] != "fused"]
+    # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
+    with threadpool_limits(1):
+        yield from campaign.fly(here, jobs)
+    if not there:
         return
+    batches = []
+    for (_, label), group in itertools.groupby(there, key=lambda key: key[:2]):
+        cells, size = list(group), BATCH[campaign.drivers[label]]
+        batches += [cells[i : i + size] for i in range(0, len(cells), size)]
+    fly = functools.partial(fly_slice, campaign, campaign.conditions())
     with open_workers(jobs, scheduler) as workers:
-        if isinstance(workers, ThisProcess):  # nothing travels, so every row comes by itself
-            yield from ([row] for cells in batches for row in campaign.fly(cells))
-            return
-        fly = functools.partial(fly_slice, campaign, campaign.conditions())
-        for _, rows in workers.map_unordered(
-            fly, batches, lambda cells, flown: cells[len(flown) :] or None
-        ):
-            yield rows
+        for _, flown in workers.map_unordered(fly, batches, _left):
+            yield from flown
+
+
+def _left(keys: list[Key], flown: list[Cells]) -> list[Key] | None:
+    """Cells of a batch that were not flown in time."""
+    return keys[sum(map(len, flown)) :] or None

@@ -7,8 +7,7 @@ than that. When there are many parts, they become one. When every row is there, 
 written to `NAME` in canonical order in one move, and the parts are removed. The bytes of the result
 depend on the campaign alone: not on how many jobs flew it, nor on how often it was stopped.
 
-Pages carry checksums, which are verified on reading; what is read must have all columns of
-`SCHEMA`, in their types, and a stamp that says what was flown. One process writes at a time.
+One process writes at a time.
 """
 
 from __future__ import annotations
@@ -21,191 +20,31 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from fullam.analysis.journal import canonical_json
-from fullam.analysis.metrics import AxisMetrics, Metrics
-from fullam.analysis.provenance import short_digest
-from fullam.exceptions import CampaignError, MissingDependency
+from fullam.analysis.campaign_table import (
+    METADATA,
+    SCHEMA,
+    CampaignTable,
+    Cells,
+    Key,
+    read_campaign,
+    stamp,
+    table_of,
+)
+from fullam.analysis.provenance import canonical_json, fingerprint
+from fullam.exceptions import CampaignError
 from fullam.files import atomic_path, locked
-from fullam.simulation.scenario import AXES
 
-try:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-except ImportError as error:  # pragma: no cover - depends on the installation
-    raise MissingDependency("a campaign's result file", "pyarrow", "campaign") from error
-
-Array = NDArray[np.float64]
-Key = tuple[str, str, int]
-"""(scenario, contender, seed): what names a row."""
-
-FORMAT = "fullam-campaign-2"
-METADATA = b"fullam"
 ROW_GROUP = 4096
+"""Rows in a group of the result file."""
 
 FLUSH = 0.5
 """Rows older than this are in a part file [s]."""
 
 MOST_PARTS = 64
 """As many small parts become one: a long campaign shall not leave a hundred thousand files."""
-
-_TEXTS = ("scenario", "contender", "controller", "estimator", "outcome", "reason")
-_FLAGS = ("settled", "diverged")
-_NOT_FIGURES = {"axes", *_FLAGS}
-
-
-def _schema() -> pa.Schema:
-    fields = [pa.field(name, pa.string()) for name in _TEXTS]
-    fields.insert(4, pa.field("seed", pa.int64()))
-    fields += [pa.field(name, pa.bool_()) for name in _FLAGS]
-    figures = [name for name in Metrics.__dataclass_fields__ if name not in _NOT_FIGURES]
-    fields += [pa.field(name, pa.float64()) for name in figures]
-    for i, axis in enumerate(AXES):
-        blank = AxisMetrics("mm" if i < 3 else "deg", *[0.0] * 11).to_dict()
-        fields += [pa.field(f"{axis}_{name}", pa.float64()) for name in blank]
-    fields.append(pa.field("trace", pa.list_(pa.field("element", pa.float32()))))
-    return pa.schema(fields)
-
-
-SCHEMA = _schema()
-"""Columns of a result: names, weather seed, outcome, every figure of `measure`; those of an axis
-carry its name, as in `z_rms_mm`. `trace` is empty unless the campaign keeps traces."""
-
-
-def flatten(metrics: Metrics) -> dict[str, Any]:
-    """The figures of a flight as one flat row."""
-    row = metrics.to_dict()
-    for axis, figures in row.pop("axes").items():
-        row |= {f"{axis}_{name}": value for name, value in figures.items()}
-    return row
-
-
-def fingerprint(value: Any) -> str:
-    """Short digest of JSON-able data."""
-    return short_digest(canonical_json(value).encode())
-
-
-class CampaignTable:
-    """Rows of a campaign, in canonical order.
-
-    Attributes:
-        rows: The pyarrow table.
-        identity: What was flown: scenarios, contenders, weather, simulation, engine, code.
-    """
-
-    def __init__(self, rows: pa.Table, identity: Mapping[str, Any]) -> None:
-        """Own the rows."""
-        self.rows, self.identity = rows, dict(identity)
-        names = ("scenario", "contender")
-        self._labels = {name: np.array(rows.column(name).to_pylist(), object) for name in names}
-
-    def __len__(self) -> int:
-        """Number of flights."""
-        return self.rows.num_rows
-
-    def _where(self, scenario: str | None, contender: str | None) -> NDArray[np.bool_]:
-        mask = np.ones(len(self), dtype=bool)
-        for name, wanted in (("scenario", scenario), ("contender", contender)):
-            if wanted is not None:
-                mask &= self._labels[name] == wanted
-        return mask
-
-    def column(
-        self, name: str, scenario: str | None = None, contender: str | None = None
-    ) -> NDArray[Any]:
-        """One column of the rows that fit; what could not be measured is NaN.
-
-        Raises:
-            CampaignError: There is no such column.
-        """
-        if name not in self.rows.column_names:
-            raise CampaignError("campaign", name, "is no column", f"see {', '.join(SCHEMA.names)}")
-        column = self.rows.column(name)
-        if pa.types.is_floating(column.type):
-            values = np.array(column.fill_null(float("nan")).to_numpy(), dtype=float)
-        else:
-            values = np.array(column.to_pylist(), dtype=object)
-            if name == "seed":
-                values = values.astype(int)
-            elif name in _FLAGS:
-                values = np.array([bool(v) for v in values])
-        return values[self._where(scenario, contender)]
-
-    def traces(self, scenario: str | None = None, contender: str | None = None) -> Array:
-        """Kept motions, shape (flights, samples, 6) [mm, deg]; NaN after a flight ended early."""
-        mask = self._where(scenario, contender)
-        kept = [
-            np.asarray(v or [], float) for v in self.rows.column("trace").filter(mask).to_pylist()
-        ]
-        longest = max((v.size for v in kept), default=0)
-        out = np.full((len(kept), longest), np.nan)
-        for i, values in enumerate(kept):
-            out[i, : values.size] = values
-        return out.reshape(len(kept), -1, 6)
-
-
-def read_campaign(path: str | Path) -> CampaignTable:
-    """Read a result file.
-
-    Raises:
-        CampaignError: It is missing, unreadable, damaged, or no result of this format.
-    """
-    where = str(path)
-    if not Path(path).is_file():
-        raise CampaignError(where, "file", "does not exist", "give the path of a sweep's result")
-    try:
-        # Nothing is read before the footer has said that it is what is wanted.
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            identity = _identity(file.schema_arrow, where)
-            table = file.read()
-    except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError) as error:
-        raise CampaignError(
-            where, "file", f"cannot be read ({error})", "remove it and sweep again"
-        ) from error
-    # Parquet comes back with details of its own (names of inner fields): one schema for all.
-    table = table.cast(SCHEMA)
-    for name in ("scenario", "contender", "seed", "outcome"):
-        if table.column(name).null_count:
-            raise CampaignError(where, name, "is empty in some rows", "remove it and sweep again")
-    return CampaignTable(table.replace_schema_metadata({METADATA: _stamp(identity)}), identity)
-
-
-def _identity(schema: pa.Schema, where: str) -> dict[str, Any]:
-    """What a file's stamp says, once its columns are those of `SCHEMA`."""
-    stamp = (schema.metadata or {}).get(METADATA)
-    try:
-        identity = json.loads(stamp) if stamp else {}
-    except (ValueError, RecursionError) as error:
-        raise CampaignError(where, "stamp", f"is no JSON ({error})", "sweep again") from error
-    found = identity.get("format") if isinstance(identity, dict) else None
-    if found != FORMAT:
-        raise CampaignError(
-            where, "format", f"is {str(found)[:40]!r}, none of a campaign", f"this reads '{FORMAT}'"
-        )
-    types = {field.name: field.type for field in schema}
-    missing = [name for name in SCHEMA.names if name not in types]
-    strange = [name for name in types if name not in SCHEMA.names]
-    wrong = [f.name for f in SCHEMA if f.name in types and not _same(types[f.name], f.type)]
-    for names, problem in ((missing, "missing"), (strange, "not known"), (wrong, "of other types")):
-        if names:
-            raise CampaignError(
-                where, "columns", f"{', '.join(names[:5])}: {problem}", "sweep again"
-            )
-    if len(schema.names) != len(SCHEMA.names):
-        raise CampaignError(where, "columns", "some are there twice", "sweep again")
-    return dict(identity)
-
-
-def _same(found: pa.DataType, wanted: pa.DataType) -> bool:
-    if pa.types.is_list(wanted):
-        return bool(pa.types.is_list(found) and found.value_type == wanted.value_type)
-    return bool(found == wanted)
-
-
-def _stamp(identity: Mapping[str, Any]) -> bytes:
-    return canonical_json(identity).encode()
 
 
 @contextmanager
@@ -244,9 +83,9 @@ class CampaignStore:
         self.path = Path(path)
         self.parts = self.path.with_name(self.path.name + ".parts")
         self._identity = json.loads(canonical_json(identity))
-        self._stamp = {METADATA: _stamp(self._identity)}
+        self._stamp = {METADATA: stamp(self._identity)}
         self._tables: list[pa.Table] = []
-        self._buffer: list[dict[str, Any]] = []
+        self._buffer: list[Cells] = []
         self._since = self._last = 0.0
         if overwrite:
             self.discard()
@@ -294,12 +133,12 @@ class CampaignStore:
             found.update(zip(*columns, strict=True))
         return found
 
-    def append(self, rows: list[dict[str, Any]]) -> None:
+    def append(self, cells: Cells) -> None:
         """Keep the rows of some flights: at once, or with others before they are `FLUSH` old."""
         now = time.monotonic()
         if not self._buffer:
             self._since = self._last = now
-        self._buffer += rows
+        self._buffer.append(cells)
         # If the next rows take as long as these did, will the oldest be too old then?
         if now + (now - self._last) - self._since >= FLUSH:
             self.flush()
@@ -309,8 +148,8 @@ class CampaignStore:
         """Write what is not yet in a file, whole or not at all."""
         if not self._buffer:
             return
-        rows, self._buffer = self._buffer, []
-        table = pa.Table.from_pylist(rows, SCHEMA)
+        cells, self._buffer = self._buffer, []
+        table = table_of(cells)
         self._tables.append(table)
         self._write_part(table, "part")
         small = sorted(self.parts.glob("part-*.parquet"))

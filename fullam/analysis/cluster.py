@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from fullam.analysis.worker_processes import WorkerProcesses
+from fullam.analysis.worker_processes import MOST_JOBS, WorkerProcesses
 from fullam.exceptions import CampaignError, FullamWarning, MissingDependency
 
 CONNECT_TIMEOUT = 10.0
@@ -67,6 +68,31 @@ class ThisProcess:
             while left is not None:
                 result = work(left)
                 left = rest(left, result) if rest is not None else None
+                yield i, result
+
+
+class Threads:
+    """Threads of this process: for work that leaves the interpreter's lock alone."""
+
+    def __init__(self, pool: ThreadPoolExecutor) -> None:
+        """Take a pool."""
+        self._pool = pool
+
+    def map_unordered(
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        rest: Rest[Item, Result] | None = None,
+    ) -> Iterator[tuple[int, Result]]:
+        """As in `Workers`."""
+        of = {self._pool.submit(work, item): (i, item) for i, item in enumerate(items)}
+        while of:
+            for future in wait(of, return_when=FIRST_COMPLETED).done:
+                i, item = of.pop(future)
+                result = future.result()
+                left = rest(item, result) if rest is not None else None
+                if left is not None:
+                    of[self._pool.submit(work, left)] = (i, left)
                 yield i, result
 
 
@@ -224,14 +250,28 @@ class SchedulerWorkers:
             said = True
 
 
+def checked_jobs(jobs: int) -> int:
+    """The number of jobs.
+
+    Raises:
+        CampaignError: It is none.
+    """
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
+        raise CampaignError("campaign", "jobs", f"is {jobs!r}", f"give 1 to {MOST_JOBS}")
+    return jobs
+
+
 @contextmanager
-def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Iterator[Workers]:
+def open_workers(
+    jobs: int = 1, scheduler: Scheduler | str | None = None, threads: bool = False
+) -> Iterator[Workers]:
     """Workers for the length of a `with` block.
 
     Args:
         jobs: Worker processes of this machine, one thread each, reached through pipes that nobody
             else can open; 1 works in this process, with one thread.
         scheduler: A running dask scheduler, or its address, instead.
+        threads: Take threads of this process in the place of processes.
 
     Raises:
         MissingDependency: cloudpickle or distributed is not installed.
@@ -240,13 +280,17 @@ def open_workers(jobs: int = 1, scheduler: Scheduler | str | None = None) -> Ite
     Warns:
         FullamWarning: The scheduler's address is not encrypted; or it has no workers.
     """
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
-        raise CampaignError("campaign", "jobs", f"is {jobs!r}", "give a whole number, 1 or more")
+    checked_jobs(jobs)
     with ExitStack() as stack:
         if scheduler is not None:
             if isinstance(scheduler, str):
                 scheduler = Scheduler(scheduler)
             yield stack.enter_context(scheduler.connect())
+        elif threads and jobs > 1:
+            stack.enter_context(threadpool_limits(1))
+            pool = ThreadPoolExecutor(jobs)
+            stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+            yield Threads(pool)
         elif jobs > 1:
             processes = WorkerProcesses(jobs)
             stack.callback(processes.close)

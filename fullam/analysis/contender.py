@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from fullam.analysis.tuned_gains import tuned_settings
 from fullam.control.controllers import make_settings
 from fullam.control.estimators import estimator_class
 from fullam.exceptions import CampaignError
@@ -30,8 +31,6 @@ class Contender:
         """Resolve the settings and check the names."""
         settings, suffix = self.settings, ""
         if settings == "tuned":
-            from fullam.analysis.tuning import tuned_settings
-
             settings, suffix = tuned_settings(self.controller, self.estimator), ", tuned"
         if not isinstance(settings, dict):
             raise CampaignError(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
@@ -26,7 +27,7 @@ from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.campaign_table import CampaignTable
 
 Array = NDArray[np.float64]
 
@@ -203,9 +204,7 @@ def prove_no_tilted_hover(
     min ||B u - w|| over the box 0 <= u <= 1 is convex, so its minimum is global: where it is not
     0, no allocation whatever holds the attitude at rest.
     """
-    import pinocchio as pin
-
-    q = vehicle.neutral(np.radians(np.array(arm_deg)))
+    q = vehicle.neutral(vehicle.joints.from_typed(arm_deg))
     q[:7] = pose_from_euler(np.zeros(3), np.radians(np.array(euler_deg)))
     wrench = pin.computeGeneralizedGravity(vehicle.model, vehicle.create_data(), q)[:6]
     coupling = vehicle.rotors.normalized_coupling

@@ -13,17 +13,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from fullam.analysis.provenance import short_digest
+from fullam.analysis.provenance import canonical_json, short_digest
 from fullam.exceptions import CampaignError
 from fullam.files import locked
 
 MOST_BYTES = 1 << 28
 """A journal is read whole; nothing here writes a larger one."""
-
-
-def canonical_json(value: Any) -> str:
-    """JSON with sorted keys: equal data give equal text."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
 
 
 def _write(file: IO[bytes], value: Any) -> None:

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-import fullam
 from fullam.model.loading import read_definition, read_urdf, vehicle_path
 from fullam.model.vehicle import Vehicle
+from fullam.version import __version__
 
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite", "numba", "llvmlite")
 """Packages that decide the last bits of a flight; those that are not installed decide nothing."""
@@ -33,10 +33,20 @@ def short_digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
+def canonical_json(value: Any) -> str:
+    """JSON with sorted keys: equal data give equal text."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+def fingerprint(value: Any) -> str:
+    """Short digest of JSON-able data."""
+    return short_digest(canonical_json(value).encode())
+
+
 @functools.cache
 def versions() -> dict[str, str]:
     """Versions of fullam, Python and the packages that decide a flight's last bits."""
-    found = {"fullam": fullam.__version__, "python": platform.python_version()}
+    found = {"fullam": __version__, "python": platform.python_version()}
     for name in DECISIVE:
         try:
             found[name] = importlib.metadata.version(name)
@@ -45,11 +55,19 @@ def versions() -> dict[str, str]:
     return found
 
 
+ROOMS = ("numbers", "model", "dynamics", "control", "simulation")
+FIGURES = (
+    *("asked_motion", "deviation", "figure_records", "figures", "high_pass", "judge", "judged"),
+    *("metrics", "response"),
+)
+"""Rooms and files of this room whose code decides what a row says."""
+
+
 def _sources() -> Iterable[Path]:
-    root = Path(fullam.__file__).parent
-    for room in ("model", "dynamics", "control", "simulation"):
+    root = Path(__file__).parents[1]
+    for room in ROOMS:
         yield from sorted((root / room).rglob("*.py"))
-    yield from (root / "analysis" / f"{name}.py" for name in ("metrics", "response"))
+    yield from (root / "analysis" / f"{name}.py" for name in FIGURES)
 
 
 @functools.cache

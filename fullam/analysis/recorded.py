@@ -25,6 +25,7 @@ errors are given to the true vehicle here; everything else is exact.
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -35,17 +36,23 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.analysis.response import coordinates, settling_time
-from fullam.dynamics.pose_space import AttitudeView
+from fullam.analysis.deviation import coordinates
+from fullam.analysis.response import settling_time
+from fullam.control.delivery import AllocateView
+from fullam.control.signals import Estimate
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.records import Rows, size
 from fullam.simulation.arm_motion import SineRate
+from fullam.simulation.block import Block
 from fullam.simulation.catalogue import CONFIGURATIONS, HOME
-from fullam.simulation.flight import Flight
+from fullam.simulation.fused import Fused
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.shaping import UNSHAPED
 from fullam.simulation.simulate import prepare
+from fullam.simulation.tables import Tables
 from fullam.simulation.weather import RECORDED, Weather
 
 Array = NDArray[np.float64]
@@ -258,38 +265,54 @@ def true_vehicle(nominal: Vehicle) -> Vehicle:
     return replace(nominal, model=model)
 
 
-def _fly(task: Task, reading: Reading, proportional: float, seed: int) -> Figures:
+class ExactTurn(Block):
+    """Flights whose command is turned to {A} by the true attitude, not by the measured one."""
+
+    def allocate_view(self) -> AllocateView:
+        """As any block's, with the true state in the place of the estimate."""
+        # The same memory: of its only row the part that an estimate has, pose and six numbers more.
+        truth = Rows(Estimate, self.state.array[:, : size(Estimate)])
+        return super().allocate_view()._replace(estimate=truth)
+
+
+@functools.cache
+def _fused(task: Task, reading: Reading, proportional: float) -> Fused:
+    """Flies a task under any seed."""
     vehicle = load_vehicle(task.scenario.vehicle)
     vehicle = replace(vehicle, rotors=replace(vehicle.rotors, lags=np.zeros(vehicle.rotors.count)))
     plan = prepare(
         task.scenario,
         "dc-pid",
         vehicle=vehicle,
-        seed=seed,
         weather=weather(reading),
         settings={
             "position_gains": (proportional, 1e-3, 6.0),
             "attitude_gains": (19.2, 1e-3, 9.0),
             "wrench_bounds": BOUNDS,
             "compensation": "previous_wrench",
-            "max_acceleration": None,
-            "max_angular_acceleration": None,
-            "anticipate": False,
         },
+        shaping=UNSHAPED,
         simulation=SimulationSettings(
-            control_period=reading.control_period, filter_cutoff=reading.filter_cutoff
+            control_period=reading.control_period,
+            estimator_settings={"cutoff": reading.filter_cutoff},
         ),
     )
-    flight = Flight(replace(plan, true=true_vehicle(plan.true)))
-    if reading.exact_turn:
-        view = AttitudeView()
-        flight.thrust_attitude = lambda: view.look(flight.plant.q[:7])
-    for _ in flight.ticks():
-        pass
-    run = flight.run()
-    error = coordinates(run.pose) - coordinates(run.reference_pose)
-    step = 1e3 * (run.reference_pose[-1, :3] - np.array(HOME))
-    return Figures.of(run.t, error, run.command, step if step.any() else None)
+    plan = plan.with_true(true_vehicle(plan.true))
+    return Fused(Tables(plan), make_block=ExactTurn if reading.exact_turn else Block)
+
+
+def _fly(task: Task, reading: Reading, proportional: float, seed: int) -> Figures:
+    fused = _fused(task, reading, proportional)
+    block, plan = fused.block, fused.block.tables.plan
+    block.load(plan.with_seed(seed))
+    fused.fly()
+    rows, _ = block.ending()
+    flown = block.columns()
+    asked = coordinates(plan.asked.pose[:rows])
+    error = coordinates(flown["pose"][:rows]) - asked
+    step = 1e3 * (plan.asked.pose[rows - 1, :3] - np.array(HOME))
+    command = flown["command"][:rows]
+    return Figures.of(plan.t[:rows], error, command, step if step.any() else None)
 
 
 def weather(reading: Reading) -> Weather:

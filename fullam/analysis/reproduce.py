@@ -12,10 +12,10 @@ import functools
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fullam.analysis import provenance, recorded
-from fullam.analysis.campaign import FASTEST, Campaign, Contender, sweep
+from fullam.analysis.campaign import Campaign, sweep
+from fullam.analysis.campaign_table import CampaignTable
 from fullam.analysis.claims import (
     CLAIMS,
     QUADROTOR,
@@ -28,6 +28,7 @@ from fullam.analysis.claims import (
     Proof,
 )
 from fullam.analysis.cluster import Scheduler
+from fullam.analysis.contender import Contender
 from fullam.analysis.evidence import (
     Finding,
     TiltProof,
@@ -35,15 +36,13 @@ from fullam.analysis.evidence import (
     prove_no_tilted_hover,
 )
 from fullam.analysis.journal import open_journal
+from fullam.analysis.judged import FASTEST
 from fullam.analysis.recorded import Figures, Reading, Task
-from fullam.analysis.tuning import contender_name, tuned_names
+from fullam.analysis.tuned_gains import contender_name, tuned_names
 from fullam.model.loading import load_vehicle
 from fullam.simulation.catalogue import CONFIGURATIONS, TILT_EULER_DEG
 from fullam.simulation.scenario import load_scenario
 from fullam.simulation.weather import PAPER, Weather
-
-if TYPE_CHECKING:
-    from fullam.analysis.campaign_store import CampaignTable
 
 QUICK_RUNS = 8
 """Seeds of a quick look: enough to see that everything works, not to believe every verdict."""
@@ -172,7 +171,7 @@ def reproduce(
     quick: bool = False,
     jobs: int = 1,
     scheduler: Scheduler | str | None = None,
-    engine: str = FASTEST,
+    driver: str = FASTEST,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Fly and judge everything; keeps rows in `folder`/data.
@@ -181,9 +180,9 @@ def reproduce(
         folder: The report's folder.
         runs: Seeds a scenario, 0 on.
         quick: A look in two minutes: `QUICK_RUNS` seeds.
-        jobs: Worker processes.
+        jobs: Threads of this process.
         scheduler: A running dask scheduler, or its address.
-        engine: Which engine flies.
+        driver: Who flies, one of `DRIVERS` or `FASTEST`.
         progress: Told what is being done.
 
     Raises:
@@ -205,7 +204,7 @@ def reproduce(
                 tuple(entry.contender for entry in contenders),
                 tuple(range(runs)),
                 condition.weather,
-                engine=engine,
+                driver=driver,
                 traces=True,
             )
             kept[condition.key] = sweep(
@@ -269,9 +268,7 @@ def command(claim: Claim, entry: Entry, condition: Condition, runs: int) -> str:
 
 def _data_file(folder: Path, name: str, campaign: Campaign) -> Path:
     """Where the rows of these conditions are kept; those of others are put aside."""
-    from fullam.analysis.campaign_store import fingerprint
-
-    path = folder / f"{name}-{fingerprint(campaign.identity())}.parquet"
+    path = folder / f"{name}-{provenance.fingerprint(campaign.identity())}.parquet"
     for suffix in ("", ".parts"):
         for stale in folder.glob(f"{name}-????????????????.parquet{suffix}"):
             if stale.name != path.name + suffix:

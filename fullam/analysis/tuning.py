@@ -20,7 +20,6 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -30,29 +29,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import fullam
 from fullam.analysis import provenance
-from fullam.analysis.campaign import FLIGHT_ENDED
 from fullam.analysis.cluster import open_workers
 from fullam.analysis.journal import open_journal
-from fullam.analysis.metrics import measure
+from fullam.analysis.judge import Figures
+from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.prices import Prices
 from fullam.analysis.provenance import cached_vehicle
-from fullam.analysis.response import Response
-from fullam.control.controllers import controller_class, make_settings
-from fullam.control.estimators import estimator_class
+from fullam.analysis.tuned_gains import contender_name
+from fullam.control.controllers import make_settings
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
-from fullam.model.vehicle import Vehicle
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenario import AXES, load_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import fly_under_seeds, prepare
+from fullam.simulation.simulate import prepare
+from fullam.version import __version__
 
 Array = NDArray[np.float64]
-
-TUNED = Path(__file__).parent / "tuned"
-"""Folder of the committed tuned settings, one TOML a contender."""
 
 LOST = 50.0
 """Cost of a flight that diverges or fails; a bad one that ends has about 15."""
@@ -140,7 +133,7 @@ class Tuning:
         evaluations: Candidates flown.
         budget: Candidates allowed.
         seed: Seed of the optimiser.
-        engine: The engine that flew.
+        driver: The driver that flew.
         validation: (defaults, tuned) on `VALIDATION`; None while the search goes on.
     """
 
@@ -152,7 +145,7 @@ class Tuning:
     evaluations: int
     budget: int
     seed: int
-    engine: str = "reference"
+    driver: str = "fused"
     validation: tuple[float, float] | None = None
 
     @property
@@ -163,8 +156,8 @@ class Tuning:
     @property
     def command(self) -> str:
         """The command that finds it again."""
-        engine = f" --engine {self.engine}" if self.engine != "reference" else ""
-        return f"fullam tune {self.name} --budget {self.budget} --seed {self.seed}{engine}"
+        driver = "" if self.driver == "fused" else f" --driver {self.driver}"
+        return f"fullam tune {self.name} --budget {self.budget} --seed {self.seed}{driver}"
 
     def to_toml(self) -> str:
         """The result as a TOML document."""
@@ -172,7 +165,7 @@ class Tuning:
             f'command = "{self.command}"',
             f'controller = "{self.controller}"',
             f'estimator = "{self.estimator}"',
-            f'fullam = "{fullam.__version__}"',
+            f'fullam = "{__version__}"',
             f"evaluations = {self.evaluations}",
             f"cost = {self.cost:.4f} # on the training flights; {self.default_cost:.4f} untuned",
         ]
@@ -189,57 +182,27 @@ class Tuning:
             temporary.write_text(self.to_toml(), encoding="utf-8")
 
 
-def contender_name(controller: str, estimator: str | None) -> str:
-    """CONTROLLER with the default estimator, else CONTROLLER@ESTIMATOR."""
-    default = SimulationSettings().estimator
-    return controller if estimator in (None, default) else f"{controller}@{estimator}"
-
-
-def tuned_names() -> tuple[str, ...]:
-    """Contenders whose tuned settings come with the package."""
-    return tuple(sorted(path.stem for path in TUNED.glob("*.toml")))
-
-
-def tuned_settings(controller: str, estimator: str | None = None) -> dict[str, Any]:
-    """The committed tuned settings of a controller, for the estimator that it flies with.
-
-    Raises:
-        UnknownName: There are none; the message lists those that there are.
-    """
-    name = contender_name(controller, estimator)
-    path = TUNED / f"{name}.toml"
-    if not path.is_file():
-        raise UnknownName("tuned controller", name, tuned_names())
-    return dict(tomllib.loads(path.read_text(encoding="utf-8"))["settings"])
-
-
-def flight_cost(run: Run, vehicle: Vehicle | None = None) -> float:
-    """J of the module's text."""
-    if run.diverged or len(run) < 2:
-        return LOST
-    figures, response = measure(run, vehicle), Response.of(run)
-    moving = 0.0
-    for error, step in (
-        (response.error[:, :3], response.step[:3]),
-        (response.rotation, response.step[3:]),
-    ):
-        if size := float(np.linalg.norm(step)):
-            moving += float(np.linalg.norm(error, axis=1).sum()) * response.period / size
-    return (
-        moving
-        + figures.rms_position_mm / 10.0
-        + figures.rms_attitude_deg
-        + figures.max_excursion_mm / 25.0
-        + figures.max_excursion_deg / 5.0
+def flight_costs(figures: Figures) -> Array:
+    """J of the module's text of each flight, shape (flights,)."""
+    cost = (
+        figures["rms_position_mm"] / 10.0
+        + figures["rms_attitude_deg"]
+        + figures["max_excursion_mm"] / 25.0
+        + figures["max_excursion_deg"] / 5.0
     )
+    for half, integral in ((AXES[:3], "integral_position"), (AXES[3:], "integral_attitude")):
+        step = np.linalg.norm([figures[f"{axis}_step"] for axis in half], axis=0)
+        cost += np.where(step > 0.0, figures[integral] / np.where(step > 0.0, step, 1.0), 0.0)
+    ended = (figures["diverged"] == 0.0) & np.isfinite(cost)
+    return np.where(ended, cost, LOST)
 
 
 def candidate_cost(
-    settings: Mapping[str, Any], controller: str, estimator: str, engine: str, flights: Set
+    settings: Mapping[str, Any], controller: str, estimator: str, driver: str, flights: Set
 ) -> float:
     """Mean cost of a controller's settings over some flights."""
     simulation = SimulationSettings(estimator=estimator)
-    costs = []
+    costs: list[Array] = []
     for name, group in itertools.groupby(flights, key=lambda flight: flight[0]):
         scenario = load_scenario(name)
         scenario = replace(scenario, duration=min(scenario.duration, FLIGHT_LENGTH))
@@ -250,13 +213,9 @@ def candidate_cost(
             settings=dict(settings),
             simulation=simulation,
         )
-        fly = fly_under_seeds(plan, engine)
-        for _, seed in group:
-            try:
-                costs.append(flight_cost(fly(seed), plan.nominal))
-            except FLIGHT_ENDED:
-                costs.append(LOST)
-    return float(np.mean(costs))
+        judged = fly_judged(plan, [seed for _, seed in group], driver)
+        costs += [flight_costs(some.figures) for some in judged]
+    return float(np.mean(np.concatenate(costs)))
 
 
 def tune(
@@ -266,7 +225,7 @@ def tune(
     budget: int = 200,
     seed: int = 0,
     jobs: int = 1,
-    engine: str = "reference",
+    driver: str = FASTEST,
     out: str | Path | None = None,
     progress: Callable[[Tuning], None] | None = None,
 ) -> Tuning:
@@ -277,23 +236,23 @@ def tune(
         estimator: What it flies with; the default one if None.
         budget: Candidates, each flown on all of `TRAINING`; the defaults are the first.
         seed: Seed of the optimiser.
-        jobs: Worker processes; the result does not depend on them.
-        engine: Which engine flies.
+        jobs: Threads of this process; for laws and estimators that are no kernels, processes. The
+            result does not depend on them.
+        driver: Who flies, one of `DRIVERS` or `FASTEST`.
         out: A TOML file that always holds the best so far, also when the search is interrupted.
             The cost of every candidate is kept beside it in `NAME.journal` until the end, so that
             the same call continues a search that was stopped.
         progress: Told the best so far after every generation.
 
     Raises:
-        UnknownName: No such controller or estimator, or one without a search space.
+        UnknownName: No such controller, estimator or driver, or one without a search space.
         SettingsError: A budget below one generation.
         CampaignError: `out` is being written by another process, or what was kept beside it came
             under other conditions; or a vehicle was edited meanwhile.
         MissingDependency: The optimiser is not installed.
     """
     estimator = estimator or SimulationSettings().estimator
-    controller_class(controller)
-    estimator_class(estimator)
+    driver = driver_of(controller, estimator, driver)
     if controller not in SEARCH_SPACES:
         raise UnknownName("tunable controller", controller, SEARCH_SPACES)
     if budget < POPULATION + 1:
@@ -301,18 +260,18 @@ def tune(
     space = SEARCH_SPACES[controller]
     start = _chosen(space, make_settings(controller).to_dict())
     price = functools.partial(
-        candidate_cost, controller=controller, estimator=estimator, engine=engine
+        candidate_cost, controller=controller, estimator=estimator, driver=driver
     )
     with ExitStack() as stack:
-        conditions = _conditions(controller, estimator, engine)
+        conditions = _conditions(controller, estimator, driver)
         journal = None
         if out is not None:
             journal = stack.enter_context(open_journal(f"{out}.journal", conditions))
-        workers = stack.enter_context(open_workers(jobs))
+        workers = stack.enter_context(open_workers(jobs, threads=driver == "fused"))
         prices = Prices(workers, price, journal, lambda: _vehicles() == conditions["vehicles"])
         default_cost = prices.of([start], TRAINING)[0]
         best = Tuning(
-            controller, estimator, start, default_cost, default_cost, 1, budget, seed, engine
+            controller, estimator, start, default_cost, default_cost, 1, budget, seed, driver
         )
         for found in _search(best, space, functools.partial(prices.of, flights=TRAINING)):
             best = found
@@ -328,12 +287,12 @@ def tune(
     return best
 
 
-def _conditions(controller: str, estimator: str, engine: str) -> dict[str, Any]:
+def _conditions(controller: str, estimator: str, driver: str) -> dict[str, Any]:
     """What the cost of a candidate depends on, as JSON values."""
     return {
         "controller": make_settings(controller).to_dict() | {"": controller},
         "estimator": estimator,
-        "engine": engine,
+        "driver": driver,
         "scenarios": [load_scenario(name).to_dict() for name in _SCENARIOS],
         "vehicles": _vehicles(),
         "cost": provenance.short_digest(Path(__file__).read_bytes()),

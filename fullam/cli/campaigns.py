@@ -14,11 +14,17 @@ from fullam.cli.output import number, say, say_json, table
 from fullam.cli.verbs import OK, argument, verb
 
 if TYPE_CHECKING:
-    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.campaign_table import CampaignTable
     from fullam.analysis.cluster import Scheduler
     from fullam.analysis.tuning import Tuning
 
-JOBS = argument("--jobs", type=int, default=1, metavar="N", help="worker processes (default: 1)")
+JOBS = argument(
+    "--jobs",
+    type=int,
+    default=1,
+    metavar="N",
+    help="threads; processes for laws that are no kernels (default: 1)",
+)
 SCHEDULER = (
     argument(
         "--scheduler",
@@ -29,8 +35,11 @@ SCHEDULER = (
     argument("--tls-cert", metavar="FILE", help="this client's certificate (.pem)"),
     argument("--tls-key", metavar="FILE", help="the key of that (.pem)"),
 )
-ANY_ENGINE = argument(
-    "--engine", default="fastest", metavar="NAME", help="default: the fastest that covers a flight"
+ANY_DRIVER = argument(
+    "--driver",
+    default="fastest",
+    metavar="NAME",
+    help="python, fused, or the fastest that can fly a contender (default: fastest)",
 )
 
 SUMMARY = (
@@ -112,7 +121,7 @@ def continued(where: str) -> Iterator[None]:
     argument("--overwrite", action="store_true", help="forget what FILE holds"),
     JOBS,
     *SCHEDULER,
-    ANY_ENGINE,
+    ANY_DRIVER,
     options.JSON,
 )
 def sweep(arguments: argparse.Namespace) -> int:
@@ -122,8 +131,9 @@ def sweep(arguments: argparse.Namespace) -> int:
     same command continues a sweep that was interrupted or killed, and ends with the same file,
     whatever the number of jobs. A flight that diverges is a row.
     """
-    from fullam.analysis.campaign import Campaign, Contender
+    from fullam.analysis.campaign import Campaign
     from fullam.analysis.campaign import sweep as fly
+    from fullam.analysis.contender import Contender
     from fullam.simulation.scenario import load_scenario
     from fullam.simulation.settings import SimulationSettings
 
@@ -134,7 +144,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         tuple(range(arguments.runs)),
         _weather(arguments, scenarios),
         SimulationSettings(**({"estimator": arguments.estimator} if arguments.estimator else {})),
-        arguments.engine,
+        arguments.driver,
         arguments.traces,
     )
     where = f"{arguments.out}.parts holds the rows"
@@ -197,13 +207,13 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
             ]
             lines.append([*where, *cells])
     if arguments.json:
-        counts = {"flights": len(rows), "engines": campaign.engines}
+        counts = {"flights": len(rows), "drivers": campaign.drivers}
         say_json({"out": str(arguments.out)} | counts | {"summary": data})
         return
     say(table(lines, ["scenario", "controller", *(text for text, *_ in SUMMARY)], left=2))
     say(f"\nmedians over {arguments.runs} seeds; {len(rows)} rows in {arguments.out}")
-    engines = ", ".join(f"{label}: {engine}" for label, engine in campaign.engines.items())
-    say(f"engine of {engines}")
+    drivers = ", ".join(f"{label}: {driver}" for label, driver in campaign.drivers.items())
+    say(f"driver of {drivers}")
 
 
 @verb(
@@ -213,7 +223,7 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
     argument("--seed", type=int, default=0, metavar="N", help="seed of the optimiser (default: 0)"),
     argument("--out", type=settings_path, metavar="FILE", help="keep the best so far (.toml)"),
     JOBS,
-    options.ENGINE,
+    ANY_DRIVER,
 )
 def tune(arguments: argparse.Namespace) -> int:
     """Tune a controller's gains, by the same procedure and budget for every controller.
@@ -238,7 +248,7 @@ def tune(arguments: argparse.Namespace) -> int:
             budget=budget,
             seed=arguments.seed,
             jobs=arguments.jobs,
-            engine=arguments.engine,
+            driver=arguments.driver,
             out=arguments.out,
             progress=tell,
         )
@@ -253,7 +263,7 @@ def tune(arguments: argparse.Namespace) -> int:
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
     JOBS,
     *SCHEDULER,
-    ANY_ENGINE,
+    ANY_DRIVER,
 )
 def reproduce(arguments: argparse.Namespace) -> int:
     """Fly the whole paper again and write the report.
@@ -272,7 +282,7 @@ def reproduce(arguments: argparse.Namespace) -> int:
             quick=arguments.quick,
             jobs=arguments.jobs,
             scheduler=scheduler(arguments),
-            engine=arguments.engine,
+            driver=arguments.driver,
             progress=progress,
         )
     page = write_report(result, arguments.out)

@@ -64,7 +64,7 @@ SETTINGS = argument(
     argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
     SETTINGS,
     *options.FLIGHT,
-    options.ENGINE,
+    options.DRIVER,
     argument("--out", type=options.run_path, metavar="FILE", help="save the record (.npz)"),
     options.FIGURE,
     options.JSON,
@@ -76,7 +76,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged.
     """
     warn_of_reach(arguments)
-    run, metrics = fly(arguments, arguments.controller, dict(arguments.set), arguments.engine)
+    run, metrics = fly(arguments, arguments.controller, dict(arguments.set), arguments.driver)
     files = {}
     if arguments.out:
         files["run"] = str(run.save(arguments.out))
@@ -106,7 +106,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
         help="separated by commas (default: dc-pid,pid)",
     ),
     *options.FLIGHT,
-    options.ENGINE,
+    options.DRIVER,
     options.FIGURE,
     options.JSON,
 )
@@ -117,7 +117,7 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     code 1 says that a flight diverged.
     """
     warn_of_reach(arguments)
-    flights = [fly(arguments, name, {}, arguments.engine) for name in arguments.controllers]
+    flights = [fly(arguments, name, {}, arguments.driver) for name in arguments.controllers]
     runs = [run for run, _ in flights]
     files = {}
     if arguments.figure and all(has_rows(run) for run in runs):
@@ -143,7 +143,7 @@ def fly(
     arguments: argparse.Namespace,
     controller: str,
     settings: dict[str, Any],
-    engine: str = "reference",
+    driver: str = "python",
 ) -> tuple[Run, Metrics]:
     """Simulate and measure one flight, with progress."""
     from fullam.analysis.metrics import measure
@@ -156,7 +156,7 @@ def fly(
             arguments.scenario,
             controller,
             settings=settings,
-            engine=engine,
+            driver=driver,
             progress=show,
             throw=False,
             **keywords,
@@ -193,7 +193,7 @@ def identity(run: Run) -> dict[str, Any]:
     return {
         "scenario": metadata["scenario"]["name"],
         "vehicle": metadata["vehicle"]["definition"]["name"],
-        **{name: metadata[name] for name in ("controller", "settings", "seed", "engine")},
+        **{name: metadata[name] for name in ("controller", "settings", "seed", "driver")},
         **{name: metadata[name] for name in ("weather", "simulation", "outcome", "reason")},
     }
 

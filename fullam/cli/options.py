@@ -82,15 +82,24 @@ FLIGHT = (
     argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
+    argument(
+        "--shape",
+        type=setting,
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="how the reference is shaped: max_acceleration, max_angular_acceleration (null for no "
+        "limit), anticipate; may be repeated",
+    ),
 )
 """How to fly a scenario, whatever the controller."""
 
 
-ENGINE = argument(
-    "--engine",
-    default="reference",
+DRIVER = argument(
+    "--driver",
+    default="python",
     metavar="NAME",
-    help="reference, or compiled (with fullam[fast])",
+    help="python, or fused: machine code, for laws and estimators that are kernels",
 )
 
 
@@ -113,6 +122,7 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
         "weather": arguments.weather,
         "vehicle": arguments.vehicle,
         "simulation": simulation_settings(arguments),
+        "shaping": dict(arguments.shape),
     }
 
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fullam.dynamics.spatial import Spatial, axpy_spatial, multiply_spatial
-from fullam.numbers.kernel import Number, absolute, kernel, select, sqrt
+from fullam.numbers.kernel import Number, absolute, kernel, select, sqrt, subroutine
 from fullam.numbers.vectors import ZERO, dot
 
 FREE, AT_LOWER, AT_UPPER = 0.0, -1.0, 1.0
@@ -85,7 +85,7 @@ def value(function, wrench):
     return inner(function.gain, wrench) + function.offset
 
 
-@kernel
+@subroutine
 def active_set_map(unknowns, scales, status, columns, rows):
     """Write the map of an active set.
 
@@ -154,7 +154,7 @@ def axis(column, start):
     )
 
 
-@kernel
+@subroutine
 def orthogonalise(columns, length, null):
     """One-sided Jacobi: turn the six columns, in place, until they are orthogonal.
 

@@ -31,7 +31,7 @@ from fullam.control.active_set_map import (
     value,
 )
 from fullam.dynamics.spatial import axpy_spatial, multiply_spatial, scale_spatial
-from fullam.numbers.kernel import Number, absolute, clip, kernel, select
+from fullam.numbers.kernel import Number, absolute, clip, select, subroutine
 
 BOUND_TOLERANCE = 1e-10
 """How far a free u may pass a bound before it is held, in u. Rounding in the maps is 1e-13."""
@@ -100,7 +100,7 @@ class Search(NamedTuple):
     last: Any
 
 
-@kernel
+@subroutine
 def map_of(box, status, held):
     """Slot of an active set, its map computed if it is not there; a full store is emptied.
 
@@ -126,7 +126,7 @@ def map_of(box, status, held):
     return slot
 
 
-@kernel
+@subroutine
 def solve_box(box, search, wrench):
     """Find the minimiser for a finite wrench, from where the last search ended.
 
@@ -175,7 +175,7 @@ def solve_box(box, search, wrench):
     return settled, pivots, returns
 
 
-@kernel
+@subroutine
 def aim(box, slot, search, wrench, slack):
     """Write minimiser and multipliers of an active set, its map in a slot, to `goal`.
 
@@ -210,7 +210,7 @@ def aim(box, slot, search, wrench, slack):
     return misfits, blocking, share, leaving
 
 
-@kernel
+@subroutine
 def advance(unknowns, search, goal, share):
     """Move the free unknowns a share of the way to their minimiser, the held ones to their bounds.
 
@@ -226,7 +226,7 @@ def advance(unknowns, search, goal, share):
             u[i] = select(status[i] == AT_UPPER, upper, 0.0)
 
 
-@kernel
+@subroutine
 def pivot(unknowns, search, goal, held, i):
     """Hold the free unknown i at the bound that its minimiser passes, or free it if it is held."""
     status, unknown = search.status, unknowns[i]
@@ -246,7 +246,7 @@ def pivot(unknowns, search, goal, held, i):
     return Held(lower, upper)
 
 
-@kernel
+@subroutine
 def start_from_clip(box, search, wrench, held):
     """Go to the unconstrained minimiser clipped to the box, if it costs less than where we are.
 
@@ -269,7 +269,7 @@ def start_from_clip(box, search, wrench, held):
     return Held(lower, upper)
 
 
-@kernel
+@subroutine
 def weighted_residual(box, u, wrench):
     """A u - W w, a six."""
     unknowns = box.unknowns
@@ -279,7 +279,7 @@ def weighted_residual(box, u, wrench):
     return residual
 
 
-@kernel
+@subroutine
 def cost(box, u, wrench):
     """The cost f(u)."""
     residual, pull = weighted_residual(box, u, wrench), 0.0
@@ -289,7 +289,7 @@ def cost(box, u, wrench):
     return 0.5 * inner(residual, residual) + 0.5 * box.scales[0].eps * pull
 
 
-@kernel
+@subroutine
 def kkt_residual(box, u, wrench):
     """How far u is from optimal, and A u - W w.
 

@@ -37,8 +37,13 @@ from fullam.numbers.vectors import ZERO
 
 Array = NDArray[np.float64]
 
-STORE = 251
-"""Slots of the store of maps, a prime; half of them are used. A flight meets a few dozen sets."""
+STORE = 4001
+"""Slots of the store of maps, a prime; half of them are used. A flight meets a few dozen sets, one
+that saturates all the time two hundred; eight of them in lanes share a store, and a map that has to
+be computed again costs more than twenty answers."""
+
+SMALL_STORE = 251
+"""As above, for one flight in Python, where filling in lists takes longer than a map."""
 
 MOST_UNKNOWNS = 50
 """So that sums of 2^i are exact."""
@@ -47,9 +52,9 @@ NOTHING = Spatial(ZERO, ZERO)
 
 
 def pack_box(
-    coupling: Array, weights: Array, eps: float, prior: Array, upper: Array, slots: int = STORE
-) -> Box:
-    """The box problem as `Rows`, its store empty; arguments as those of `BoxLeastSquares`."""
+    coupling: Array, weights: Array, eps: float, prior: Array, upper: Array
+) -> tuple[Rows, Rows]:
+    """Rows of `Unknown` and of `Scales`; arguments as those of `BoxLeastSquares`."""
     n = coupling.shape[1]
     if n > MOST_UNKNOWNS:
         raise SettingsError(
@@ -58,25 +63,49 @@ def pack_box(
     A = weights[:, None] * np.where(upper > 0, coupling, 0.0)
     norms, null = np.einsum("ij,ij->j", A, A), NULL_CUTOFF**2 * float(np.vdot(A, A))
     bits = 2.0 ** np.arange(n)
-    rows = np.column_stack(
-        [np.zeros((n, 7)), A.T, np.minimum(prior, upper), upper, norms + eps, bits]
-    )
-    scales = np.array([[*weights, eps, null]])
+    prior = np.minimum(prior, upper)
+    rows = np.column_stack([np.zeros((n, 7)), A.T, prior, upper, norms + eps, bits])
+    unknowns, scales = Rows(Unknown, rows), Rows(Scales, [[*weights, eps, null]])
     # The unconstrained minimiser is the map of the empty set.
-    unknowns, maps = Rows(Unknown, rows).to_list(), [Affine(NOTHING, 0.0)] * n
-    columns: list[list[float]] = [[0.0] * (n + ROOM) for _ in range(6)]
-    active_set_map(unknowns, Rows(Scales, scales).to_list()[0], [FREE] * n, columns, maps)
-    rows[:, :7] = [list(flat(row)) for row in maps]
+    box = box_lists(unknowns, scales, 1)
+    active_set_map(box.unknowns, box.scales[0], [FREE] * n, box.columns, box.maps[0])
+    unknowns.array[:, :7] = [list(flat(row)) for row in box.maps[0]]
+    return unknowns, scales
+
+
+def box_rows(unknowns: Rows, scales: Rows, slots: int = STORE) -> Box:
+    """A packed box problem with a store of its own, empty, and space to work in, as `Rows`."""
+    n = len(unknowns.array)
     return Box(
-        unknowns=Rows(Unknown, rows),
-        scales=Rows(Scales, scales),
+        unknowns=unknowns,
+        scales=scales,
         slots=Rows.empty(Slot, slots),
         maps=Rows.empty(Affine, slots, n),
         used=Rows.empty(float, 1),
         goal=Rows.empty(float, n),
         columns=Rows.empty(float, 6, n + ROOM),
-        reached=Rows.empty(Held, 100 + 20 * n),
+        reached=Rows.empty(Held, limit(n)),
     )
+
+
+def box_lists(unknowns: Rows, scales: Rows, slots: int = SMALL_STORE) -> Box:
+    """The same as Python reads it: lists, whose empty entries are one and the same."""
+    n, nobody = len(unknowns.array), Held(0.0, 0.0)
+    return Box(
+        unknowns=unknowns.to_list(),
+        scales=scales.to_list(),
+        slots=[Slot(nobody, 0.0)] * slots,
+        maps=[[Affine(NOTHING, 0.0)] * n for _ in range(slots)],
+        used=[0.0],
+        goal=[0.0] * n,
+        columns=[[0.0] * (n + ROOM) for _ in range(6)],
+        reached=[nobody] * limit(n),
+    )
+
+
+def limit(n: int) -> int:
+    """Changes of the active set after which a search gives up; random problems took 4 n at most."""
+    return 100 + 20 * n
 
 
 def search_memory(n: int, lanes: int = 0) -> Search:
@@ -86,13 +115,6 @@ def search_memory(n: int, lanes: int = 0) -> Search:
         status=Rows.empty(float, n, lanes=lanes),
         last=Rows.empty(Last, 1, lanes=lanes),
     )
-
-
-def box_lists(box: Box) -> Box:
-    """A packed box problem as Python reads it, its store empty."""
-    slots, n = box.maps.array.shape[:2]
-    lists: Box = Lists().of(box._replace(maps=Rows.empty(Affine, 0, n)))
-    return lists._replace(maps=[[Affine(NOTHING, 0.0)] * n for _ in range(slots)])
 
 
 def six(wrench: Array) -> Spatial:
@@ -129,26 +151,18 @@ class BoxLeastSquares:
         Raises:
             SettingsError: More unknowns than `MOST_UNKNOWNS`.
         """
-        self._packed = pack_box(B, weights, eps, prior, upper)
+        self._packed = unknowns, scales = pack_box(B, weights, eps, prior, upper)
         self.weights, self.eps, self.upper = weights, eps, upper
-        self.A: Array = np.ascontiguousarray(self._packed.unknowns["column"].T)
-        self.prior: Array = self._packed.unknowns["prior"][:, 0]
-        self.box = box_lists(self._packed)
+        self.A: Array = np.ascontiguousarray(unknowns["column"].T)
+        self.prior: Array = unknowns["prior"][:, 0]
+        self.box = box_lists(unknowns, scales)
         self.search: Search = Lists().of(search_memory(upper.size))
         self.pivots = self.returns = 0
         self._residual = NOTHING
 
     def packed(self, slots: int = STORE) -> Box:
         """The problem as `Rows`, with a store of its own."""
-        n = self.upper.size
-        return self._packed._replace(
-            slots=Rows.empty(Slot, slots),
-            maps=Rows.empty(Affine, slots, n),
-            used=Rows.empty(float, 1),
-            goal=Rows.empty(float, n),
-            columns=Rows.empty(float, 6, n + ROOM),
-            reached=Rows.empty(Held, len(self._packed.reached.array)),
-        )
+        return box_rows(*self._packed, slots)
 
     def reset(self) -> None:
         """Forget the warm start, so that the next answer depends on its wrench alone."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from fullam.dynamics.spatial import Spatial, subtract_spatial
 from fullam.numbers.kernel import Number, kernel, select, sqrt
-from fullam.numbers.vectors import ZERO, dot
+from fullam.numbers.vectors import ZERO, dot, scale
 
 MEMORY = 0.3
 """Time constant of the running mean of the roughness [s]."""
@@ -81,6 +81,12 @@ def slower(limit, roughness):
     """The factor of one half."""
     rough = roughness > limit
     return select(rough, limit / select(rough, roughness, 1.0), 1.0)
+
+
+@kernel
+def slowed(factors, x):
+    """Both halves of gains, each times its factor."""
+    return Spatial(scale(factors.linear, x.linear), scale(factors.angular, x.angular))
 
 
 def caution_numbers(period: float, limits: tuple[float, float]) -> CautionNumbers:

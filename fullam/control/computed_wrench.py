@@ -138,9 +138,10 @@ class ComputedWrench(PidBase):
         settings: ComputedWrenchSettings | None = None,
         period: float = 0.01,
         axes: tuple[bool, ...] = ALL_AXES,
+        anticipated: bool = True,
     ) -> None:
         """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
+        super().__init__(vehicle, settings, period, axes, anticipated)
         self._root = RootForce(vehicle)
 
     def numbers(self) -> Any:

@@ -80,6 +80,7 @@ class Controller(ABC):
         settings: Any = None,
         period: float = 0.01,
         axes: tuple[bool, ...] = ALL_AXES,
+        anticipated: bool = True,
     ) -> None:
         """Bind the law to the nominal vehicle.
 
@@ -88,6 +89,8 @@ class Controller(ABC):
             settings: An instance of `Settings`; its defaults if None.
             period: Control period [s].
             axes: Which of force x, y, z and moment x, y, z are controlled.
+            anticipated: Whether known lags are taken off the motion that it is asked to follow; a
+                command is then turned to {A} by the attitude at which the rotors will follow it.
 
         Raises:
             SettingsError: The period is not positive or the settings are of another class.
@@ -106,12 +109,14 @@ class Controller(ABC):
         self.settings = settings
         self.period = period
         self.axes = tuple(bool(a) for a in axes)
+        self.anticipated = anticipated
         self.u_pid: Array = np.zeros(6)
         self.u_dc: Array = np.zeros(6)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy is a fresh controller: views into workspaces cannot be copied."""
-        return type(self), (self.vehicle, self.settings, self.period, self.axes)
+        parts = self.vehicle, self.settings, self.period, self.axes, self.anticipated
+        return type(self), parts
 
     def thrust_lag(self) -> float:
         """Time constant with which the law sees its wrench follow its command [s].

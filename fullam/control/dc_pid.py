@@ -3,9 +3,9 @@
     u = blkdiag(m_A 1, I_A) u_pid + u_dc,
 
 where u_dc cancels the platform's gyroscopic moment and weight and the wrench (f_1, tau_1) that the
-arm puts on the platform through joint 1. The kernels take the compensation as a function: in Python
-it is read from Pinocchio's joint 1 or from the paper's matrix system (`compensation`), in machine
-code it is the paper's recursion.
+arm puts on the platform through joint 1. `dc_pid` is the law, line by line. It takes the
+compensation as a function: in Python that reads Pinocchio's joint 1 or solves the paper's matrix
+system (`compensation`), in machine code it is the paper's recursion.
 """
 
 from __future__ import annotations
@@ -148,7 +148,8 @@ def dc_pid_previous(compensation, acceleration, numbers, chain, estimate, target
     integral = integrated(numbers.gains, memory.integral, e)
     u, integral = within_bounds(numbers.limits, R, u, integral)
     at_hand, share = rotate_spatial_back(R, u), rotate_spatial_back(R, inertial)
-    return Command(u, u_pid, u_dc), PreviousMemory(integral, at_hand, share, 1.0)
+    has_hand = 0.0 * memory.has_hand + 1.0  # of one kind with what it replaces: lanes, if those
+    return Command(u, u_pid, u_dc), PreviousMemory(integral, at_hand, share, has_hand)
 
 
 @kernel
@@ -207,9 +208,10 @@ class DcPid(PidBase):
         settings: DcPidSettings | None = None,
         period: float = 0.01,
         axes: tuple[bool, ...] = ALL_AXES,
+        anticipated: bool = True,
     ) -> None:
         """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
+        super().__init__(vehicle, settings, period, axes, anticipated)
         self.model: Model = compensation_model(self.settings.model, vehicle, self.links)
 
     @property

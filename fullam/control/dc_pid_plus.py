@@ -3,13 +3,11 @@
     u = blkdiag(m_A 1, I_A) u_pd + u_dc - d
 
 with the compensation u_dc of eq. (20) and d the wrench that the nominal model does not explain
-(`WrenchObserver`). dc-PID cancels the model; what the model has wrong stays as an offset until its
+(`wrench_observer`). dc-PID cancels the model; what the model has wrong stays as an offset until its
 integrator has grown, and the integrator then answers every manoeuvre with an overshoot. The
 observer sees the error of the model in the momentum, before it is an error of the pose.
 
-**Lead.** The rotors follow with a first-order lag, so the wrench w they give now is known from
-what they were asked for. Asking for u_c = w + n (u - w) makes them reach u with a lag n times
-shorter: a lead filter (lag s + 1) / (lag/n s + 1) that differentiates no measurement.
+**Lead.** The rotors' lag is made n times shorter by asking for more than is wanted (`lead`).
 
 **Gains.** On a double integrator behind a lag of 30 ms, 10 ms of sampling and 5 ms to spare, with
 n = 2, the loop cut at the command has
@@ -19,7 +17,7 @@ n = 2, the loop cut at the command has
 
 and with a true lag 30 % longer than the nominal one the attitude keeps 31 deg and 4.4. That much
 speed needs an estimate like the Kalman filter's. Behind the paper's first-order filter, whose
-velocity has thirty times the noise, `Caution` slows the law down, and it is then about as good as
+velocity has thirty times the noise, `caution` slows the law down, and it is then about as good as
 dc-PID.
 """
 
@@ -35,9 +33,11 @@ from numpy.typing import NDArray
 from fullam.control.caution import (
     CautionMemory,
     CautionNumbers,
+    Halves,
     caution_factors,
     caution_numbers,
     felt,
+    slowed,
     trusted,
 )
 from fullam.control.dc_pid import (
@@ -52,6 +52,7 @@ from fullam.control.dc_pid import command_previous as command_previous_dc_pid
 from fullam.control.dc_pid import delivered_previous as delivered_previous_dc_pid
 from fullam.control.dc_pid import start_previous as start_previous_dc_pid
 from fullam.control.law import KernelLaw, LawKernels
+from fullam.control.lead import asked_from_rotors, led
 from fullam.control.pid import Gains, Limits, bounded
 from fullam.control.pid import delivered as delivered_dc_pid
 from fullam.control.pid import start as start_dc_pid
@@ -70,14 +71,13 @@ from fullam.dynamics.spatial import (
     Spatial,
     add_spatial,
     multiply_spatial,
-    rotate_spatial,
     rotate_spatial_back,
     subtract_spatial,
 )
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, kernel, select, some, sqrt
 from fullam.numbers.records import flat, record
-from fullam.numbers.vectors import ZERO, Vector, add, cross, dot, scale
+from fullam.numbers.vectors import ZERO, Vector, dot, scale
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class DcPidPlusSettings(DcPidSettings):
             mean lag of the nominal rotors.
         actuation_speedup: How many times shorter the lead makes that lag; 1 leaves it.
         roughness_limits: Roughness of the measured velocity up to which the law keeps its pace,
-            linear [m/s^2] and angular [rad/s^2]; see `Caution`. The Kalman filter's stay below
+            linear [m/s^2] and angular [rad/s^2]; see `caution`. The Kalman filter's stay below
             1 and 8, the first-order filter's are 74 and 128 in the paper's noise.
     """
 
@@ -119,10 +119,6 @@ class DcPidPlusSettings(DcPidSettings):
         lag = self.actuation_lag
         return float(vehicle.rotors.lags.mean()) if lag is None else lag
 
-    def thrust_lag(self, vehicle: Vehicle) -> float:
-        """The same as the lead makes it appear; see `TrackingSettings.thrust_lag`."""
-        return self.wrench_lag(vehicle) / self.actuation_speedup
-
 
 class DcPidPlusNumbers(NamedTuple):
     """dc-PID+ as numbers.
@@ -144,15 +140,14 @@ class DcPidPlusNumbers(NamedTuple):
 class Beside(NamedTuple):
     """What dc-PID+ remembers beside dc-PID.
 
-    Observer and caution; dc-PID's wrench less the total; how far the platform will have turned when
-    the rotors follow, a rotation vector; and 1 before the first period, else 0.
+    Observer and caution; dc-PID's wrench less the total; and how far the platform will have turned
+    when the rotors follow, a rotation vector.
     """
 
     observer: ObserverMemory
     caution: CautionMemory
     difference: Spatial
     turn: Vector
-    fresh: Number
 
 
 class PlusMemory(NamedTuple):
@@ -173,44 +168,24 @@ class PlusPreviousMemory(NamedTuple):
 def paced(numbers, factors):
     """dc-PID slowed down: K_d by f^(1/4) and K_p by its square, as if all rates were."""
     gains = numbers.gains
-    linear, angular = sqrt(factors.linear), sqrt(factors.angular)
-    k_p = Spatial(
-        scale(linear, gains.proportional.linear), scale(angular, gains.proportional.angular)
-    )
-    k_d = Spatial(
-        scale(sqrt(linear), gains.derivative.linear), scale(sqrt(angular), gains.derivative.angular)
-    )
-    slowed = Gains(k_p, k_d, gains.integral, gains.limit)
-    return DcPidNumbers(slowed, numbers.limits, numbers.gravity, numbers.rounds)
-
-
-@kernel
-def turned_on(wrench, turn):
-    """A wrench turned with the platform by a small rotation vector: on, or back by its opposite.
-
-    With `anticipate` a command is turned to {A} by the attitude that the reference has one lag
-    ahead, so what is fixed to the rotors is turned on before, and back after.
-    """
-    force, moment = wrench.linear, wrench.angular
-    return Spatial(add(force, cross(turn, force)), add(moment, cross(turn, moment)))
-
-
-@kernel
-def in_rotors(R, wrench, turn):
-    """What is asked from the rotors, {A} axes, by a wrench in world axes."""
-    return rotate_spatial_back(R, turned_on(wrench, scale(-1.0, turn)))
+    half = Halves(sqrt(factors.linear), sqrt(factors.angular))
+    quarter = Halves(sqrt(half.linear), sqrt(half.angular))
+    k_p, k_d = slowed(half, gains.proportional), slowed(quarter, gains.derivative)
+    gains = Gains(k_p, k_d, gains.integral, gains.limit)
+    return DcPidNumbers(gains, numbers.limits, numbers.gravity, numbers.rounds)
 
 
 @kernel
 def perceived(numbers, chain, estimate, R, beside):
-    """Caution and observer after this period's estimate; the first they have begun with."""
-    first = beside.fresh > 0.0
+    """Caution, its factors, and the observer after this period's estimate.
+
+    In the first period they began with this very estimate: it tells them nothing.
+    """
     body_velocity = rotate_spatial_back(R, estimate.velocity)
     caution = felt(numbers.caution, beside.caution, body_velocity)
-    caution = select(first, beside.caution, caution)
     factors = caution_factors(numbers.caution, caution.roughness)
     observer = observed(numbers.observer, factors, chain, estimate, beside.observer)
-    return caution, factors, select(first, beside.observer, observer)
+    return caution, factors, observer
 
 
 @kernel
@@ -237,10 +212,8 @@ def dc_pid_plus(law, delivered, numbers, chain, estimate, target, memory):
     u = subtract_spatial(command.wrench, d)
 
     turn = scale(numbers.turn_ahead, target.velocity.angular)
-    actual = turned_on(rotate_spatial(R, observer.actual), turn)
-    gap = multiply_spatial(numbers.lead, subtract_spatial(u, actual))
-    lead = Spatial(scale(factors.linear, gap.linear), scale(factors.angular, gap.angular))
-    u = add_spatial(u, lead)
+    gain = slowed(factors, numbers.lead)
+    u = led(gain, R, u, observer.actual, turn)
     difference = subtract_spatial(command.wrench, u)
 
     within = bounded(numbers.limits, u)
@@ -250,8 +223,8 @@ def dc_pid_plus(law, delivered, numbers, chain, estimate, target, memory):
         delivery = Delivery(add_spatial(within, difference), missing, 1.0)
         after = delivered(of_dc_pid, chain, estimate, nominal, delivery)
         nominal = select(cut, after, nominal)
-    observer = asked(observer, in_rotors(R, within, turn))
-    beside = Beside(observer, caution, difference, turn, 0.0)
+    observer = asked(observer, asked_from_rotors(R, within, turn))
+    beside = Beside(observer, caution, difference, turn)
     return Command(within, command.u_pid, command.u_dc), nominal, beside
 
 
@@ -260,11 +233,11 @@ def inform(delivered, numbers, chain, estimate, memory, delivery):
     """The observer told what the rotors were asked for, and dc-PID what of it was its own."""
     b = memory.beside
     R = rotation_matrix(estimate.pose.attitude)
-    observer = asked(b.observer, in_rotors(R, delivery.wrench, b.turn))
+    observer = asked(b.observer, asked_from_rotors(R, delivery.wrench, b.turn))
     own = add_spatial(delivery.wrench, b.difference)
     share = Delivery(own, delivery.missing, delivery.saturated)
     nominal = delivered(numbers.nominal, chain, estimate, memory.nominal, share)
-    return nominal, Beside(observer, b.caution, b.difference, b.turn, b.fresh)
+    return nominal, Beside(observer, b.caution, b.difference, b.turn)
 
 
 @kernel
@@ -273,7 +246,7 @@ def start_beside(numbers, chain, estimate):
     R = rotation_matrix(estimate.pose.attitude)
     observer = nothing_observed(numbers.observer, chain, estimate)
     caution = trusted(rotate_spatial_back(R, estimate.velocity))
-    return Beside(observer, caution, Spatial(ZERO, ZERO), ZERO, 1.0)
+    return Beside(observer, caution, Spatial(ZERO, ZERO), ZERO)
 
 
 # What machine code flies: dc-PID's kernels inside, for either way to cut the algebraic loop.
@@ -369,7 +342,7 @@ class DcPidPlus(DcPid):
             caution_numbers(period, s.roughness_limits),
             record(Spatial, controlled),
             record(Spatial, controlled * (s.actuation_speedup - 1.0)),
-            self.thrust_lag() + 0.5 * period if s.anticipate else 0.0,
+            self.thrust_lag() + 0.5 * period if self.anticipated else 0.0,
         )
 
     def wrench_lag(self) -> float:

@@ -240,6 +240,17 @@ class KernelEstimator(Estimator):
         return seen["pose"], seen["velocity"]
 
 
+FACE = ("reset", "update", "estimate")
+"""What Python calls. A subclass that overrides one of these is no longer its kernel."""
+
+
+def flies_as_kernel(estimator: type[Estimator]) -> bool:
+    """Whether the kernel of an estimator says all that its class does."""
+    return issubclass(estimator, KernelEstimator) and all(
+        getattr(estimator, name) is getattr(KernelEstimator, name) for name in FACE
+    )
+
+
 # The stages of a flight, and of its tables, that belong to the estimator.
 
 

@@ -47,6 +47,7 @@ from fullam.numbers.kernel import (
     select,
     some,
     sqrt,
+    subroutine,
 )
 from fullam.numbers.records import one
 from fullam.numbers.vectors import ZERO, axpy
@@ -226,7 +227,7 @@ def memory_of(memory, lane):
 # Below here: a flight for itself, and branches on its numbers.
 
 
-@kernel
+@subroutine
 def allocate_about(problem, memory, wrench, center):
     """Go down the ladder below the first rung, the moment taken about the centre of mass.
 
@@ -260,7 +261,7 @@ def finite(wrench, center):
     return absolute(total + (center[0] + center[1] + center[2])) < LARGEST_FINITE
 
 
-@kernel
+@subroutine
 def confirm(problem, memory, asked, is_solved):
     """Believe the active set if its KKT residual agrees.
 
@@ -277,7 +278,7 @@ def confirm(problem, memory, asked, is_solved):
     return believed, inner(residual, residual)
 
 
-@kernel
+@subroutine
 def cut(problem, memory, asked):
     """Last rung: K w + k cut to the bounds. What was not believed is no start for a search either.
 
@@ -292,7 +293,7 @@ def cut(problem, memory, asked):
     return inner(residual, residual)
 
 
-@kernel
+@subroutine
 def conclude(problem, memory, tried, wrench, center, rung, is_short):
     """Write down what was answered, and count it.
 
@@ -320,7 +321,7 @@ def conclude(problem, memory, tried, wrench, center, rung, is_short):
     )
 
 
-@kernel
+@subroutine
 def refuse(problem, memory, wrench):
     """Answer what is not finite."""
     for i in range(len(memory.shares)):

@@ -64,9 +64,10 @@ class KernelLaw(Controller):
         settings: Any = None,
         period: float = 0.01,
         axes: tuple[bool, ...] = ALL_AXES,
+        anticipated: bool = True,
     ) -> None:
         """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes)
+        super().__init__(vehicle, settings, period, axes, anticipated)
         self.link_rows: Rows = LinkRows.of(LinkChain.from_model(vehicle.model)).rows
         self.links: list[Any] = self.link_rows.to_list()
         self._numbers = self.numbers()
@@ -160,13 +161,24 @@ def numbers_of(part: Any) -> Rows:
     return Rows.of(type(numbers), [numbers])
 
 
+FACE = ("reset", "wrench", "delivered", "command", "inform")
+"""What Python calls. A subclass of a law that overrides one of these is no longer its kernels."""
+
+
+def flies_as_kernels(law: type[Controller]) -> bool:
+    """Whether the kernels of a law say all that its class does."""
+    return issubclass(law, KernelLaw) and all(
+        getattr(law, name) is getattr(KernelLaw, name) for name in FACE
+    )
+
+
 def kernel_law(law: Controller) -> KernelLaw:
     """The law, if it is written as kernels.
 
     Raises:
         SettingsError: It is a class of its own.
     """
-    if isinstance(law, KernelLaw):
+    if isinstance(law, KernelLaw) and flies_as_kernels(type(law)):
         return law
     raise not_fused("controller", law.name, "KernelLaw")
 
@@ -177,7 +189,7 @@ def not_fused(field: str, name: str, base: str) -> SettingsError:
         "driver 'fused'",
         field,
         f"'{name}' is not written as kernels",
-        f"fly it with driver='python', or derive it from {base}",
+        f"fly it with driver='python', or derive it from {base} and override its kernels alone",
     )
 
 

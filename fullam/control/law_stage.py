@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.controller import Controller, Measurement, ReferencePoint
-from fullam.control.law import KernelLaw
+from fullam.control.law import KernelLaw, flies_as_kernels
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial, rotate_spatial_back
@@ -26,7 +26,7 @@ class LawStage:
 
     def __init__(self, law: Controller) -> None:
         """Begin anew."""
-        self._law = law
+        self._law, self._as_kernels = law, flies_as_kernels(type(law))
         self._measurement, self._reference = Measurement(law.vehicle), ReferencePoint()
         self.t: float | None = None
 
@@ -34,7 +34,8 @@ class LawStage:
         """Ask for a wrench, given a `CommandView` whose joints are `JointMotion`s."""
         law, estimate, target = self._law, view.estimate[0], view.targets[k]
         motions = view.joints[k * int(view.joint_rows[0])]
-        if isinstance(law, KernelLaw):
+        if self._as_kernels:
+            assert isinstance(law, KernelLaw)
             if k == 0:
                 law.forget()
             view.command[0] = law.command(law.chain(motions), estimate, target)
@@ -52,7 +53,8 @@ class LawStage:
         delivery = deliveries[0]
         if delivery.saturated == 0.0:
             return
-        if isinstance(self._law, KernelLaw):
+        if self._as_kernels:
+            assert isinstance(self._law, KernelLaw)
             self._law.inform(delivery)
         else:
             self._law.delivered(*(np.array([*flat(part)]) for part in delivery[:2]))

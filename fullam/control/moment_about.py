@@ -30,7 +30,7 @@ from typing import NamedTuple
 from fullam.control.active_set_map import AT_UPPER, FREE
 from fullam.control.active_set_search import Held, map_of, solve_box
 from fullam.dynamics.spatial import Spatial
-from fullam.numbers.kernel import Number, kernel, select
+from fullam.numbers.kernel import Number, kernel, select, subroutine
 from fullam.numbers.vectors import ZERO, Vector, add, axpy, cross, dot, scale, subtract
 
 LARGEST_ROUNDS = 10
@@ -66,7 +66,7 @@ class Response(NamedTuple):
     r: Vector
 
 
-@kernel
+@subroutine
 def search_about(box, rotors, search, wrench, center):
     """Find m and allocate (F, m).
 
@@ -120,7 +120,7 @@ def corrected(rotors, shares, wrench, center):
     return add(wrench.angular, cross(center, lack))
 
 
-@kernel
+@subroutine
 def force_response(rotors, box, slot, status):
     """Columns of P and of Q, and r, of the active set whose map is in a slot of the store."""
     rows = box.maps[slot]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from proxsuite import proxqp
 
 Array = NDArray[np.float64]
 
@@ -66,12 +65,14 @@ class ProxQPReferee:
         self.status = str(results.info.status.name)
         self.iterations = int(results.info.iter)
         np.minimum(np.maximum(results.x, 0.0), self.upper, out=self.solution)
-        solved: bool = results.info.status == proxqp.QPSolverOutput.PROXQP_SOLVED
+        solved = self.status == "PROXQP_SOLVED"
         if not solved:
             self._qp = None  # what it stopped in would be the next solve's scaling and steps
         return solved
 
     def _build(self, linear_term: Array) -> Any:
+        from proxsuite import proxqp  # slow to import, and most flights never ask it
+
         n = self.upper.size
         qp = proxqp.dense.QP(n, 0, n)
         settings = qp.settings

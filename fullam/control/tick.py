@@ -14,8 +14,8 @@ from fullam.control.delivery import AllocateView, allocate_command
 from fullam.control.law import (
     CommandView,
     InformView,
-    KernelLaw,
     command_stage,
+    flies_as_kernels,
     inform_stage,
     kernel_law,
     numbers_of,
@@ -101,7 +101,7 @@ class ControlTick:
         self.controller, self.allocator = controller, allocator
         self._asked = compiled
         if compiled is None:
-            compiled = available() and isinstance(controller, KernelLaw)
+            compiled = available() and flies_as_kernels(type(controller))
         self.compiled = compiled
         vehicle = controller.vehicle
         n = vehicle.n_arm

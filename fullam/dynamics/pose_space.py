@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+
+from fullam.dynamics.quaternions import from_euler
+from fullam.dynamics.rotations import euler_angles, quaternion_rotation
 
 Array = NDArray[np.float64]
 
@@ -58,16 +60,9 @@ def pose_from_euler(position: Array, euler_xyz: Array) -> Array:
     Returns:
         Poses, shape (..., 7).
     """
-    euler = np.asarray(euler_xyz, dtype=float)
-    quaternion = Rotation.from_euler("XYZ", euler.reshape(-1, 3)).as_quat()
-    return np.concatenate([position, quaternion.reshape(*euler.shape[:-1], 4)], axis=-1)
+    return np.concatenate([position, from_euler(np.asarray(euler_xyz, dtype=float))], axis=-1)
 
 
 def euler_from_pose(pose: Array) -> Array:
     """x-y-z Euler angles (phi, psi, gamma) of poses, eq. (2); (..., 7) to (..., 3) [rad]."""
-    quaternion = np.asarray(pose)[..., 3:7]
-    return (
-        Rotation.from_quat(quaternion.reshape(-1, 4))
-        .as_euler("XYZ")
-        .reshape(*quaternion.shape[:-1], 3)
-    )
+    return euler_angles(quaternion_rotation(np.asarray(pose)[..., 3:7]))

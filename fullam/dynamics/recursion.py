@@ -275,7 +275,11 @@ def platform_wrench(chain, R, acceleration):
 
 @kernel
 def compensation(chain, R, w, acceleration, gravity):
-    """u_dc of eq. (20) at a wanted acceleration [ddp_A, dw_A], world axes at the origin of {A}."""
+    """u_dc of eq. (20) at a wanted acceleration [ddp_A, dw_A], world axes at the origin of {A}.
+
+    u_dc = [f_1 - m_A g; tau_1 + r_1 x f_1 + w x I_A w] for a platform whose centre of mass is at
+    the origin: `arm_load` gives f_1 and tau_1 + r_1 x f_1, `bias_wrench` the platform's own terms.
+    """
     a = rotate_spatial_back(R, acceleration)
     spin = rotate_back(R, w)
     g = gravity_in(R, gravity)

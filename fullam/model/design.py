@@ -19,6 +19,7 @@ from fullam.exceptions import VehicleError
 from fullam.files import atomic_path
 from fullam.model import definition as read
 from fullam.model.craig import craig_transform, homogeneous
+from fullam.model.design_urdf import urdf_text
 from fullam.model.loading import read_definition, vehicle_path
 from fullam.model.physics import inertia_problem
 from fullam.model.vehicle import Vehicle
@@ -289,8 +290,6 @@ class VehicleDesign:
 
     def urdf(self, name: str) -> str:
         """Text of the URDF, the same for the same parameters (see `design_urdf`)."""
-        from fullam.model.design_urdf import urdf_text  # yourdfpy takes seconds to import
-
         return urdf_text(self, name)
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
-import sys
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 from fullam.exceptions import UnknownName, VehicleError
 from fullam.model import definition as read
 from fullam.model.composition import compose, move_meshes
+from fullam.model.packages import package_roots
 from fullam.model.vehicle import Vehicle
 from fullam.model.xacro_files import expand_xacro
 
@@ -153,16 +152,10 @@ def _robot_text(table: Mapping[str, Any], file: Path, where: str) -> str:
 
 
 def _package_file(package: str, inner: str, where: str) -> Path:
-    share = Path("share") / package / "robots"
-    roots = [Path(sys.prefix) / share]
-    try:
-        distribution = importlib.metadata.distribution(package)
-        roots.insert(0, Path(str(distribution.locate_file("cmeel.prefix"))) / share)
-    except importlib.metadata.PackageNotFoundError:
-        pass  # conda and system packages have no such metadata
-    for root in roots:
-        if root.is_dir():
-            return root / inner
+    for root in package_roots(package):
+        robots = root / "share" / package / "robots"
+        if robots.is_dir():
+            return robots / inner
     raise VehicleError(
         where, "urdf.package", f"'{package}' is not installed", f"pip install {package}"
     )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from fullam.model.packages import package_roots
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
@@ -36,13 +37,7 @@ def mesh_folders(vehicle: Vehicle) -> list[str]:
 def _package_folders(entry: Mapping[str, Any]) -> Iterator[Path]:
     """The package's share, and the folder of the URDF in it."""
     package = str(entry["package"])
-    roots = [Path(sys.prefix)]
-    try:
-        distribution = importlib.metadata.distribution(package)
-        roots.insert(0, Path(str(distribution.locate_file("cmeel.prefix"))))
-    except importlib.metadata.PackageNotFoundError:
-        pass  # conda and system packages have no such metadata
-    for root in roots:
+    for root in package_roots(package):
         yield root / "share"
         yield (root / "share" / package / "robots" / str(entry.get("path", ""))).parent
 

@@ -23,7 +23,7 @@ from numba.extending import (
 )
 
 from fullam.numbers.lanes import DOUBLE, Lanes
-from fullam.numbers.records import Rows, layout, one, size
+from fullam.numbers.records import ALIGNMENT, Rows, layout, one, size
 
 POINTER = types.CPointer(types.float64)
 WORD = ir.IntType(64)
@@ -200,7 +200,9 @@ class _Cursor:
         place = builder.gep(self.pointer, [ir.Constant(WORD, self.entry * typ.stride)])
         self.entry += 1
         kind = ir.VectorType(DOUBLE, typ.lanes) if typ.lanes else DOUBLE
-        return builder.bitcast(place, kind.as_pointer()), 8 * min(typ.lanes or 1, 8)
+        # The largest power of two that all numbers are a multiple of, up to the arrays' own.
+        whole = (typ.lanes & -typ.lanes) or 1
+        return builder.bitcast(place, kind.as_pointer()), min(8 * whole, ALIGNMENT)
 
 
 @lower_builtin(operator.getitem, RowsType, types.Integer)

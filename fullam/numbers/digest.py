@@ -6,12 +6,15 @@ in a user's notebook, makes it another one when it changes.
 
 from __future__ import annotations
 
+import dis
 import hashlib
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fullam.numbers.records import Rows, layout
 
@@ -54,10 +57,18 @@ def _parts(function: Any, seen: set[int]) -> Iterator[str]:
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     named.update({name: cell.cell_contents for name, cell in cells})
     yield from _code(function.__code__)
-    for name in sorted(_names(function.__code__)):
+    for default in (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()):
+        yield from _value(default, frozenset(), seen)
+    names = frozenset(_names(function.__code__))
+    yield from _members(names, named, seen)
+
+
+def _members(names: frozenset[str], named: Mapping[str, Any], seen: set[int]) -> Iterator[str]:
+    """Those of some names that mean something, and what they mean."""
+    for name in sorted(names):
         if name in named:
             yield name
-            yield from _value(named[name], seen)
+            yield from _value(named[name], names, seen)
 
 
 def _code(code: types.CodeType) -> Iterator[str]:
@@ -71,18 +82,28 @@ def _code(code: types.CodeType) -> Iterator[str]:
 
 
 def _names(code: types.CodeType) -> set[str]:
-    """Names of globals and cells that code refers to, that inside it included."""
-    names = {*code.co_names, *code.co_freevars}
+    """Names of globals and cells that code refers to, that inside it included; no attributes."""
+    loads = (i for i in dis.get_instructions(code) if i.opname in ("LOAD_GLOBAL", "LOAD_NAME"))
+    names = {*(str(i.argval) for i in loads), *code.co_freevars}
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
             names |= _names(constant)
     return names
 
 
-def _value(value: Any, seen: set[int]) -> Iterator[str]:
+def _value(value: Any, names: frozenset[str], seen: set[int]) -> Iterator[str]:
+    """What a name means; of a module, what those of the names mean that may be its attributes."""
     if isinstance(value, types.FunctionType):
         yield from _parts(value, seen)
+    elif isinstance(value, types.ModuleType):
+        if id(value) not in seen:
+            seen.add(id(value))
+            yield from _members(names, vars(value), seen)
+            seen.discard(id(value))
     elif isinstance(value, type) and hasattr(value, "_fields"):
         yield repr((value.__qualname__, value._fields))
+    elif isinstance(value, np.ndarray):
+        yield repr((value.dtype.str, value.shape))
+        yield value.tobytes().hex()
     else:
         yield repr(value) if isinstance(value, float | int | str | tuple | bool) else str(value)

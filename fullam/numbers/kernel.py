@@ -15,6 +15,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 KERNELS: list[Callable[..., Any]] = []
 """All kernels, in the order of definition, for `machine_code` to hand to the compiler."""
 
+SUBROUTINES: set[Callable[..., Any]] = set()
+"""Those of them that are called; see `subroutine`."""
+
 Number = float
 """In annotations of records: a float, lanes or an expression."""
 
@@ -26,6 +29,16 @@ def kernel(function: Function) -> Function:
     """
     KERNELS.append(function)
     return function
+
+
+def subroutine(function: Function) -> Function:
+    """Mark a kernel that machine code calls instead of taking it in.
+
+    For long scalar code, as a search, that would stand in several places: a call costs it nothing,
+    and compiling it once instead of five times saves seconds.
+    """
+    SUBROUTINES.add(function)
+    return kernel(function)
 
 
 def _symbolic(x: Any) -> Any:

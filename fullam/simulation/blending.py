@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from fullam.dynamics import quaternions
+from fullam.dynamics.rotations import quaternion_rotation
+from fullam.dynamics.rotations import turn as rotate
 from fullam.simulation.references import ReferenceTable
 
 Array = NDArray[np.float64]
@@ -51,14 +53,15 @@ def blend_jumps(
         left = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         rate = 30.0 * x**2 * (1.0 - x) ** 2 / T
         curve = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / T**2
-        undo = Rotation.from_rotvec(-left * turn[j])
-        spin, inner = rate * turn[j], undo.apply(velocity[j:, 3:])
+        undo = quaternions.from_rotation_vector(-left * turn[j])
+        R_undo = quaternion_rotation(undo)
+        spin, inner = rate * turn[j], rotate(R_undo, velocity[j:, 3:])
         pose[j:, :3] -= left * delta[j]
-        pose[j:, 3:] = (undo * Rotation.from_quat(pose[j:, 3:])).as_quat()
+        pose[j:, 3:] = quaternions.product(undo, pose[j:, 3:])
         velocity[j:, :3] += rate * delta[j]
         acceleration[j:, :3] += curve * delta[j]
         acceleration[j:, 3:] = (
-            curve * turn[j] + undo.apply(acceleration[j:, 3:]) + np.cross(spin, inner)
+            curve * turn[j] + rotate(R_undo, acceleration[j:, 3:]) + np.cross(spin, inner)
         )
         velocity[j:, 3:] = spin + inner
     return ReferenceTable(t, pose, velocity, acceleration)
@@ -92,9 +95,8 @@ def _jumps(table: ReferenceTable, start_pose: Array) -> tuple[NDArray[np.intp], 
     dt = np.diff(t, prepend=t[0])[:, None]
     travel = np.vstack([table.velocity[:1], table.velocity[:-1]]) * dt
     delta = table.pose[:, :3] - before[:, :3] - travel[:, :3]
-    turn = (
-        Rotation.from_quat(table.pose[:, 3:]) * Rotation.from_quat(before[:, 3:]).inv()
-    ).as_rotvec() - travel[:, 3:]
+    relative = quaternions.product(table.pose[:, 3:], quaternions.inverse(before[:, 3:]))
+    turn = quaternions.to_rotation_vector(relative) - travel[:, 3:]
     slack = 1e-6 + np.linalg.norm(acceleration, axis=1) * dt[:, 0] ** 2
     jumps = np.linalg.norm(delta, axis=1) + np.linalg.norm(turn, axis=1) > slack
     return np.flatnonzero(jumps), delta, turn

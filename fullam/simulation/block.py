@@ -20,6 +20,7 @@ from fullam.control.estimator import (
     KernelEstimator,
     Readings,
     estimate_stage,
+    flies_as_kernel,
 )
 from fullam.control.law import (
     CommandView,
@@ -118,7 +119,7 @@ class Block:
     def begin(self) -> None:
         """Stand at the scenario's start, at rest, rotors at hover speed; nothing remembered."""
         self.state.array[:] = 0.0
-        self.state.array[0, :7].T[:] = self.tables.plan.scenario.initial_pose
+        self.state.array[0, :7].T[:] = self.tables.initial_pose
         self.status.array[:] = 0.0
         self.status["end"][:] = FOREVER
         for rows in rows_of(self.memory):
@@ -301,6 +302,6 @@ def kernel_estimator(estimator: Estimator) -> KernelEstimator:
     Raises:
         SettingsError: It is a class of its own.
     """
-    if isinstance(estimator, KernelEstimator):
+    if isinstance(estimator, KernelEstimator) and flies_as_kernel(type(estimator)):
         return estimator
     raise not_fused("estimator", estimator.name, "KernelEstimator")

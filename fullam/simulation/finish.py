@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import functools
 import platform
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-import fullam.version
+from fullam.dynamics.quaternions import from_rotation_vector
+from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.run import COLUMNS, FORMAT, Run
+from fullam.version import __version__, version_of
 
 Array = NDArray[np.float64]
 
@@ -41,14 +41,13 @@ def finish(
     out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
     out["reference_pose"] = plan.asked.pose[:rows].copy()
     out["disturbance"] = plan.forecast.disturbance[:rows].copy()
-    R_true = Rotation.from_quat(out["pose"][:, 3:]).as_matrix()
-    R_told = Rotation.from_quat(out["measured_pose"][:, 3:]).as_matrix()
+    R_true = quaternion_rotation(out["pose"][:, 3:])
+    R_told = quaternion_rotation(out["measured_pose"][:, 3:])
     out["velocity"] = _turn(R_true, out.pop("twist"))
     R_thrust = R_told
     if plan.anticipation is not None:
-        R_thrust = (
-            R_told @ Rotation.from_rotvec(plan.anticipation.rows["turn"][:rows].copy()).as_matrix()
-        )
+        turn = from_rotation_vector(plan.anticipation.rows["turn"][:rows])
+        R_thrust = R_told @ quaternion_rotation(turn)
     if not all(plan.scenario.axes_mask):
         # On axes that nobody controls the allocation falls short without being saturated.
         asked_A = _turn(R_thrust.transpose(0, 2, 1), out["command"])
@@ -85,9 +84,9 @@ DECISIVE_FOR = {"fused": ("numba", "llvmlite")}
 def _versions(driver: str) -> dict[str, str]:
     """What flew: versions of this package, Python and all that decides the last bits."""
     return {
-        "fullam": fullam.version.__version__,
+        "fullam": __version__,
         "python": platform.python_version(),
-        **{name: version(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
+        **{name: version_of(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
     }
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.controller import Controller, Measurement
-from fullam.control.estimator import Estimator, KernelEstimator
+from fullam.control.estimator import Estimator, KernelEstimator, flies_as_kernel
 from fullam.control.law_stage import LawStage
 from fullam.control.signals import NOT_FINITE, Estimate
 from fullam.dynamics.integrators import integrator
@@ -145,13 +145,14 @@ class EstimateStage:
 
     def __init__(self, estimator: Estimator, plan: FlightPlan) -> None:
         """Begin anew."""
-        self._estimator = estimator
+        self._estimator, self._as_kernel = estimator, flies_as_kernel(type(estimator))
         self._measurement = Measurement(plan.nominal)
 
     def __call__(self, view: Any, k: int) -> None:
         """See `stages`."""
         estimator, readings = self._estimator, view.readings[0]
-        if isinstance(estimator, KernelEstimator):
+        if self._as_kernel:
+            assert isinstance(estimator, KernelEstimator)
             view.estimate[0] = estimator.estimate(readings)
             return
         m = self._measurement

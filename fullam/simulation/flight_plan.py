@@ -15,16 +15,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
+from fullam.control.controller import Controller
+from fullam.control.controllers import controller_class
 from fullam.control.estimator import Datasheet, Estimator
-from fullam.control.estimators import estimator_class
-from fullam.control.first_order import FirstOrder
-from fullam.control.tracking import TrackingSettings
+from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
-from fullam.simulation.blending import blend_jumps, leaves_jumps
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -51,8 +50,8 @@ class FlightPlan:
         t: Control grid [s], shape (N,).
         asked: The scenario's reference on the grid.
         reference: What the controller is fed: `asked` with its jumps blended.
-        anticipation: Known lags of the commanded motion; None if the controller wants none,
-            or if a jump is left in `reference`.
+        anticipation: Known lags of the commanded motion; None if the scenario's shaping takes none
+            off, or if a jump is left in `reference`.
         arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
         replaced: Another vehicle to fly than the seed's, for studies; see `with_true`.
     """
@@ -101,15 +100,14 @@ class FlightPlan:
             vehicle.joints,
         )
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
-        reference, anticipation = asked, None
-        if isinstance(settings, TrackingSettings):
-            limits = settings.max_acceleration, settings.max_angular_acceleration
-            reference = blend_jumps(asked, scenario.initial_pose, *limits)
-            if settings.anticipate and not leaves_jumps(asked, scenario.initial_pose, *limits):
-                estimator = make_estimator(simulation, weather, vehicle.gravity)
-                lag = settings.thrust_lag(vehicle) + 0.5 * period
-                anticipation = Anticipation.of(reference, estimator, lag)
-                reference = anticipation.reference
+        start, anticipation = scenario.initial_pose, None
+        reference = scenario.shaping.blend(asked, start)
+        if scenario.shaping.anticipates(asked, start):
+            estimator = make_estimator(simulation, weather, vehicle.gravity)
+            law = controller_class(controller)(vehicle, settings, period, scenario.axes_mask)
+            lag = law.thrust_lag() + 0.5 * period
+            anticipation = Anticipation.of(reference, estimator, lag)
+            reference = anticipation.reference
         plan = cls(
             scenario,
             vehicle,
@@ -129,8 +127,8 @@ class FlightPlan:
                 f"scenario '{scenario.name}'",
                 "reference",
                 f"no flight can start: {too_far}",
-                "raise the bound (max_position_error, max_attitude_error_deg), or let the "
-                "controller blend (max_acceleration, max_angular_acceleration)",
+                "raise the bound (max_position_error, max_attitude_error_deg), or let the jump be "
+                "blended (shaping: max_acceleration, max_angular_acceleration)",
             )
         return plan
 
@@ -162,6 +160,16 @@ class FlightPlan:
         draw = forecast(self.weather, self.seed, self.t)
         return perturb(self.nominal, self.weather.uncertainty, draw.parameters)
 
+    def make_controller(self) -> Controller:
+        """A fresh law on the nominal vehicle."""
+        return controller_class(self.controller)(
+            self.nominal,
+            self.settings,
+            self.simulation.control_period,
+            self.scenario.axes_mask,
+            self.anticipation is not None,
+        )
+
     def arm_row(self, k: int) -> int:
         """Row of the arm table that belongs to control period k."""
         return 2 * k * self.simulation.substeps
@@ -186,8 +194,8 @@ def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: fl
         gravity=gravity,
     )
     cls = estimator_class(simulation.estimator)
-    changes = {"cutoff": simulation.filter_cutoff} if issubclass(cls, FirstOrder) else {}
-    return cls(sheet, cls.Settings(**changes), simulation.control_period)
+    settings = make_estimator_settings(simulation.estimator, simulation.estimator_settings)
+    return cls(sheet, settings, simulation.control_period)
 
 
 def hover_speeds(plan: FlightPlan, allocator: Allocator) -> Array:

@@ -6,6 +6,8 @@ be watched and interrupted.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from fullam.exceptions import NonFiniteWrench
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Program, program
@@ -27,18 +29,25 @@ class Fused:
         block: The rows.
     """
 
-    def __init__(self, tables: Tables, lanes: int = 0, keep: Keep = "record") -> None:
+    def __init__(
+        self,
+        tables: Tables,
+        lanes: int = 0,
+        keep: Keep = "record",
+        make_block: Callable[[Tables, int, Keep], Block] = Block,
+    ) -> None:
         """Compile the stages, or load them from disk.
 
         Args:
             tables: What the flights share.
             lanes: Flights at a time; 0 for one, as scalars.
             keep: What the flights write; see `Block`.
+            make_block: Makes the rows and stages; a study may have stages of its own.
 
         Raises:
             SettingsError: Law or estimator are not written as kernels; the message names it.
         """
-        self.block = Block(tables, lanes, keep)
+        self.block = make_block(tables, lanes, keep)
         compiled = available()
         stages = self.block.stages()
         self._whole: Program = program(list(stages.values()), compiled)

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +19,17 @@ from fullam.exceptions import RunFileError
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from fullam.simulation.settings import SimulationSettings
-    from fullam.simulation.weather import Weather
+from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.weather import Weather
 
 Array = NDArray[Any]
 
-FORMAT = "fullam-run-1"
+FORMAT = "fullam-run-2"
 """Stands in every run file; another value is refused."""
 
 METADATA = (
     *("scenario", "vehicle", "controller", "settings", "simulation", "weather", "seed"),
-    *("outcome", "reason", "engine", "versions"),
+    *("outcome", "reason", "driver", "versions"),
 )
 """What a run's metadata hold beside the format."""
 
@@ -102,7 +100,7 @@ class Run:
 
     Each column of `COLUMNS` is an attribute: `run.pose`, `run.rotor_speeds`, ... `units` names
     their units. The record carries the nominal vehicle, the scenario, the controller's settings,
-    the weather, the seed and the versions, and `refly` repeats the flight bit for bit from them.
+    the weather, the seed, the driver and the versions; `refly` flies the same again from them.
 
     Attributes:
         columns: Name to array, read-only, one row per controller tick.
@@ -175,15 +173,11 @@ class Run:
     @property
     def weather(self) -> Weather:
         """The weather it flew in."""
-        from fullam.simulation.weather import Weather
-
         return Weather.from_dict(self.metadata["weather"])
 
     @property
     def simulation(self) -> SimulationSettings:
         """Rates, integrator and sensors."""
-        from fullam.simulation.settings import SimulationSettings
-
         return SimulationSettings.from_dict(self.metadata["simulation"])
 
     @property
@@ -207,25 +201,14 @@ class Run:
         return str(self.metadata["outcome"])
 
     @property
+    def driver(self) -> str:
+        """Who flew it: "python" or "fused"."""
+        return str(self.metadata["driver"])
+
+    @property
     def diverged(self) -> bool:
         """Whether the flight ended early because it left the bounds of sense."""
         return self.outcome == "diverged"
-
-    def refly(self) -> Run:
-        """Fly the same flight again from the record alone; equal versions give equal bits."""
-        from fullam.simulation.simulate import simulate
-
-        return simulate(
-            self.scenario,
-            self.controller,
-            vehicle=self.vehicle,
-            seed=self.seed,
-            weather=self.weather,
-            settings=self.settings,
-            simulation=self.simulation,
-            engine=self.metadata["engine"],
-            throw=False,
-        )
 
     def save(self, path: str | Path) -> Path:
         """Write the run to one `.npz` file, atomically.
@@ -270,7 +253,13 @@ class Run:
             ) from error
         found = metadata.get("format") if isinstance(metadata, dict) else None
         if found != FORMAT:
-            raise RunFileError(where, "format", f"is {found!r}", f"this version reads '{FORMAT}'")
+            raise RunFileError(
+                where,
+                "format",
+                f"is {found!r}",
+                f"this version reads '{FORMAT}'; read it with the version that wrote it, or fly "
+                "the scenario again",
+            )
         missing = [name for name in COLUMNS if name not in arrays]
         missing += [name for name in METADATA if name not in metadata]
         if missing:

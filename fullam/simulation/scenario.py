@@ -17,6 +17,7 @@ from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
 from fullam.simulation.references import Reference, Step
+from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 
@@ -44,6 +45,7 @@ class Scenario:
         axes: The controlled axes, out of `AXES`: of the world for the law, of {A} for the
             allocation. A platform that cannot control them all is meant to stay near level.
         weather: What spoils the flight unless the caller says otherwise.
+        shaping: How the reference is blended and anticipated before the law sees it.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Scenario:
     duration: float = 6.0
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
+    shaping: Shaping = SHAPED
 
     def __post_init__(self) -> None:
         """Check the numbers and the axes; lists become tuples."""
@@ -134,6 +137,7 @@ class Scenario:
         data["reference"] = references.to_dict(self.reference)
         data["arm_motion"] = references.to_dict(self.arm_motion)
         data["weather"] = self.weather.to_dict()
+        data["shaping"] = self.shaping.to_dict()
         return data
 
     @classmethod
@@ -161,7 +165,8 @@ class Scenario:
                 f"scenario '{name}'",
                 "a value",
                 f"is of the wrong type ({error})",
-                "give numbers where numbers belong, and tables for reference, arm motion, weather",
+                "give numbers where numbers belong, and tables for reference, arm motion, weather "
+                "and shaping",
             ) from error
 
     @staticmethod
@@ -179,6 +184,8 @@ class Scenario:
             values["weather"] = named_weather(values["weather"])
         elif "weather" in values:
             values["weather"] = Weather.from_dict(values["weather"])
+        if "shaping" in values:
+            values["shaping"] = Shaping.from_dict(values["shaping"])
         return values
 
 

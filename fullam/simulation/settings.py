@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from fullam.control.estimators import estimator_class
+from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 
@@ -25,8 +26,7 @@ class SimulationSettings:
         pose_period: Time between poses from the pose sensor [s]; a multiple of the control period.
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
         estimator: Name of the estimator.
-        filter_cutoff: Corner frequency of the first-order pose filter [rad/s]; the published runs
-            have 18.
+        estimator_settings: Those of the estimator's settings that differ from its defaults.
         max_position_error: Farther than this from the reference [m] the flight has diverged.
         max_attitude_error_deg: The same for the angle to the reference attitude [deg].
     """
@@ -37,24 +37,36 @@ class SimulationSettings:
     pose_period: float | None = None
     delay: float = 0.0
     estimator: str = "first-order"
-    filter_cutoff: float = 18.0
+    estimator_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     max_position_error: float = 5.0
     max_attitude_error_deg: float = 120.0
 
     def __post_init__(self) -> None:
         """Check ranges, names and that the rates divide each other."""
-        for field in ("control_period", "plant_period", "filter_cutoff", "max_position_error"):
-            value = getattr(self, field)
+        for name in ("control_period", "plant_period", "max_position_error"):
+            value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
-                raise ScenarioError(WHERE, field, f"is {value!r}", "give a number above 0")
+                raise ScenarioError(WHERE, name, f"is {value!r}", "give a number above 0")
         if self.pose_period is None:
             object.__setattr__(self, "pose_period", self.control_period)
         integrator(self.integrator)
         estimator_class(self.estimator)
+        self._own_estimator_settings()
         self._multiple("control_period", self.control_period, "plant_period", self.plant_period)
         self._multiple("pose_period", self.pose_period, "control_period", self.control_period)
         if self.delay != 0.0:
             self._multiple("delay", self.delay, "control_period", self.control_period)
+
+    def _own_estimator_settings(self) -> None:
+        """Copy them, lists as tuples, and see whether the estimator takes them."""
+        given = self.estimator_settings
+        if not isinstance(given, Mapping):
+            raise ScenarioError(
+                WHERE, "estimator_settings", f"is {given!r}", "give names and values"
+            )
+        changes = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+        make_estimator_settings(self.estimator, changes)
+        object.__setattr__(self, "estimator_settings", changes)
 
     def _multiple(self, field: str, value: float | None, unit_name: str, unit: float) -> None:
         ratio = (value or np.nan) / unit
@@ -83,7 +95,8 @@ class SimulationSettings:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        data = {f.name: getattr(self, f.name) for f in fields(self)}
+        return data | {"estimator_settings": dict(self.estimator_settings)}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:

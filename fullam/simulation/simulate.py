@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from fullam.control.controllers import make_settings
 from fullam.exceptions import Diverged, UnknownName
@@ -17,6 +18,7 @@ from fullam.simulation.progress import Progress
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.shaping import Shaping
 from fullam.simulation.weather import CALM, Weather
 from fullam.simulation.weather import weather as named_weather
 
@@ -24,26 +26,46 @@ DRIVERS = ("python", "fused")
 """Who flies a plan: Python, with any law and Pinocchio as dynamics; or machine code."""
 
 
+class Choices(TypedDict, total=False):
+    """What one may choose of a flight beside scenario and controller; all may be left out.
+
+    Attributes:
+        vehicle: The nominal vehicle; the scenario's own by default.
+        seed: Seed of noise, gusts and parameter errors; 0 by default.
+        weather: A weather or its name; the scenario's own by default.
+        calm: No noise, no gusts, no parameter errors, whatever the weather.
+        settings: The controller's settings: an instance, or a mapping of those that differ from
+            the defaults.
+        simulation: Rates, integrator, sensors, estimator.
+        shaping: How the reference is blended and anticipated: an instance, or a mapping of what
+            differs from the scenario's own.
+    """
+
+    vehicle: Vehicle | str | None
+    seed: int
+    weather: Weather | str | None
+    calm: bool
+    settings: Any
+    simulation: SimulationSettings | None
+    shaping: Shaping | Mapping[str, Any] | None
+
+
 def prepare(
-    scenario: Scenario | str | Path,
-    controller: str = "dc-pid",
-    *,
-    vehicle: Vehicle | str | None = None,
-    seed: int = 0,
-    weather: Weather | str | None = None,
-    calm: bool = False,
-    settings: Any = None,
-    simulation: SimulationSettings | None = None,
+    scenario: Scenario | str | Path, controller: str = "dc-pid", **choices: Unpack[Choices]
 ) -> FlightPlan:
     """Fix everything about a flight; arguments as in `simulate`."""
-    if not isinstance(scenario, Scenario):
-        scenario = load_scenario(scenario)
+    for name in choices:
+        if name not in Choices.__annotations__:
+            known = ", ".join(Choices.__annotations__)
+            raise TypeError(f"a flight has nothing named '{name}' to choose; it has {known}")
+    scenario = _scenario(scenario, choices.get("shaping"))
+    vehicle = choices.get("vehicle")
     if not isinstance(vehicle, Vehicle):
         vehicle = load_vehicle(vehicle or scenario.vehicle)
-    if calm:
-        weather = CALM
-    elif isinstance(weather, str):
+    weather = CALM if choices.get("calm") else choices.get("weather")
+    if isinstance(weather, str):
         weather = named_weather(weather)
+    settings = choices.get("settings")
     if settings is None or isinstance(settings, Mapping):
         settings = make_settings(controller, dict(settings or {}))
     return FlightPlan.prepare(
@@ -51,44 +73,50 @@ def prepare(
         vehicle,
         controller,
         settings,
-        simulation or SimulationSettings(),
+        choices.get("simulation") or SimulationSettings(),
         weather or scenario.weather,
-        seed,
+        choices.get("seed", 0),
     )
+
+
+def _scenario(
+    scenario: Scenario | str | Path, shaping: Shaping | Mapping[str, Any] | None
+) -> Scenario:
+    """The scenario, under another shaping if one is given."""
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario)
+    if shaping is None:
+        return scenario
+    if not isinstance(shaping, Shaping):
+        shaping = scenario.shaping.changed(shaping)
+    return replace(scenario, shaping=shaping)
 
 
 def simulate(
     scenario: Scenario | str | Path,
     controller: str = "dc-pid",
     *,
-    vehicle: Vehicle | str | None = None,
-    seed: int = 0,
-    weather: Weather | str | None = None,
-    calm: bool = False,
-    settings: Any = None,
-    simulation: SimulationSettings | None = None,
     driver: str = "python",
     progress: Progress | None = None,
     throw: bool = True,
+    **choices: Unpack[Choices],
 ) -> Run:
     """Fly a scenario and return the record.
 
     Args:
         scenario: A scenario, the name of a registered one, or the path of a TOML file.
         controller: Name of a registered controller.
-        vehicle: The nominal vehicle; the scenario's own by default.
-        seed: Seed of noise, gusts and parameter errors.
-        weather: A weather or its name; the scenario's own by default.
-        calm: No noise, no gusts, no parameter errors, whatever the weather.
-        settings: The controller's settings: an instance, or a mapping of those that differ from
-            the defaults.
-        simulation: Rates, integrator, sensors.
         driver: Who flies it, one of `DRIVERS`: "python" flies everything, with Pinocchio as
             dynamics; "fused" flies what is written as kernels, a hundred times faster, by machine
             code. Their flights agree to rounding.
         progress: Told (ticks flown, ticks in all) about a hundred times.
         throw: Raise when the flight diverges (at the prompt); False returns the partial run with
             outcome "diverged" (in a campaign).
+        **choices: `vehicle` (nominal; an instance, a name or a path), `seed` (of the weather, 0),
+            `weather` (an instance or a name), `calm` (no weather at all), `settings` (the
+            controller's) and `shaping` (of the reference; both an instance or a mapping of what
+            differs), `simulation` (rates, integrator, sensors, estimator). Each has the scenario's
+            own or the default where it is left out; see `Choices`.
 
     Raises:
         Diverged: The flight left the bounds of sense; the error carries the partial run.
@@ -103,16 +131,7 @@ def simulate(
     """
     if driver not in DRIVERS:
         raise UnknownName("driver", driver, DRIVERS)
-    plan = prepare(
-        scenario,
-        controller,
-        vehicle=vehicle,
-        seed=seed,
-        weather=weather,
-        calm=calm,
-        settings=settings,
-        simulation=simulation,
-    )
+    plan = prepare(scenario, controller, **choices)
     run = fused.fly(plan, progress) if driver == "fused" else fly_by_python(plan, progress)
     if run.diverged and throw:
         raise Diverged(run, run.metadata["reason"])

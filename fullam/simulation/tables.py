@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
-from fullam.control.controllers import controller_class
 from fullam.control.estimator import Estimator
 from fullam.control.signals import Ahead, Target
 from fullam.dynamics.link_rows import LinkRows
@@ -85,9 +84,7 @@ class Tables:
 
     def controller(self) -> Controller:
         """A fresh law on the nominal vehicle."""
-        plan = self.plan
-        axes, period = plan.scenario.axes_mask, plan.simulation.control_period
-        return controller_class(plan.controller)(plan.nominal, plan.settings, period, axes)
+        return self.plan.make_controller()
 
     def estimator(self) -> Estimator:
         """A fresh estimator."""
@@ -104,6 +101,11 @@ class Tables:
         """Draws the weather and the true vehicle of any seed."""
         plan = self.plan
         return Draws.of(plan.nominal, plan.weather, plan.t, plan.simulation.plant_period)
+
+    @cached_property
+    def initial_pose(self) -> Array:
+        """Where the flight begins, [p, quaternion xyzw], shape (7,)."""
+        return np.array(self.plan.scenario.initial_pose)
 
     @cached_property
     def hover(self) -> Array:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fullam.analysis.campaign_store import CampaignTable
+    from fullam.analysis.campaign_table import CampaignTable
     from fullam.analysis.statistics import Interval
     from fullam.model.vehicle import Vehicle
 
@@ -43,7 +43,7 @@ def figure_configurations(vehicle: Vehicle, poses_deg: Mapping[int, Sequence[flo
     share = 1.0 / len(poses_deg)
     for column, (number, pose) in enumerate(poses_deg.items()):
         ax: Any = figure.add_axes((column * share, -0.08, share, 0.98), projection="3d")
-        _draw_vehicle(ax, vehicle, np.radians(np.array(pose)))
+        _draw_vehicle(ax, vehicle, vehicle.joints.from_typed(pose))
         angles = ", ".join(f"{angle:g}" for angle in pose)
         text = f"{number}:  ({angles})°"
         figure.text((column + 0.5) * share, 0.91, text, ha="center", fontsize=style.TEXT)

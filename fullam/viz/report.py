@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
@@ -15,7 +16,8 @@ from fullam.analysis.claims import CLAIMS, POSITION, QUADROTOR, TILT, Paired
 from fullam.analysis.evidence import FAILS, HOLDS, UNDECIDED
 from fullam.analysis.recorded import MASS_OFFSET, WEIGHT_ERROR
 from fullam.analysis.reproduce import CONDITIONS, QUICK_RUNS, RECORDED_SEEDS, Reproduction
-from fullam.analysis.tuning import TRAINING, TUNED, VALIDATION, tuned_names
+from fullam.analysis.tuned_gains import TUNED, tuned_names
+from fullam.analysis.tuning import TRAINING, VALIDATION
 from fullam.files import atomic_path
 from fullam.model.loading import load_vehicle
 from fullam.simulation.catalogue import CONFIGURATIONS
@@ -258,8 +260,6 @@ here.</p>"""
 
 
 def _how(result: Reproduction) -> str:
-    import tomllib
-
     rows = ""
     for name in tuned_names():
         data = tomllib.loads((TUNED / f"{name}.toml").read_text(encoding="utf-8"))

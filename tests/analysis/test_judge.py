@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from fullam.analysis import deviation
 from fullam.analysis.asked_motion import AskedMotion, last_jump
-from fullam.analysis.campaign_store import flatten
-from fullam.simulation.flown import Flown
+from fullam.analysis.campaign_table import flatten
 from fullam.analysis.judge import Judge, TrackJudge
 from fullam.analysis.metrics import Metrics, measure, metrics_of, noise_floors, rows_of
 from fullam.analysis.response import Response
 from fullam.model.loading import load_vehicle
 from fullam.numbers import program
 from fullam.numbers.records import Rows
+from fullam.simulation.flown import Flown
 from fullam.simulation.run import COLUMNS, Run, allocate_columns
 from fullam.simulation.scenario import AXES, Scenario
 from fullam.simulation.weather import CALM, RECORDED

@@ -19,7 +19,7 @@ from fullam.control.active_set_map import (
     active_set_map,
 )
 from fullam.control.allocation import Allocator
-from fullam.control.box_qp import pack_box
+from fullam.control.box_qp import box_rows, pack_box
 from fullam.model.loading import load_vehicle
 from fullam.numbers.kernel import kernel
 from fullam.numbers.program import Stage, program
@@ -181,7 +181,7 @@ def test_degenerate_matrices(matrix, tolerance, eps):
         weights = np.array([1.0, 1.0, 1.0, 30.0, 30.0, 30.0]) * (rng.random(6) < 0.8)
         weights[0] = 1.0
         upper = np.ones(n) if rng.random() < 0.5 else rng.integers(0, 2, n).astype(float)
-        box = pack_box(B, weights, eps, rng.uniform(size=n), upper)
+        box = box_rows(*pack_box(B, weights, eps, rng.uniform(size=n), upper))
         statuses = rng.choice(STATUSES, size=(6, n))
         statuses[0], statuses[1], statuses[2] = STATUSES
         assert_maps(box, statuses, *maps_of(box, statuses, False)[:2], tolerance)
@@ -195,7 +195,7 @@ def test_the_map_is_the_dense_solution(matrix):
         A = matrix(rng)
         n = A.shape[1]
         prior, d = rng.uniform(size=n), rng.normal(size=6)
-        box = pack_box(A, np.ones(6), eps, prior, np.ones(n))
+        box = box_rows(*pack_box(A, np.ones(6), eps, prior, np.ones(n)))
         status = rng.choice(STATUSES, size=n)
         gain, offset, _ = maps_of(box, status[None], compiled=False)
         H, g = A.T @ A + eps * np.eye(n), -A.T @ d - eps * prior

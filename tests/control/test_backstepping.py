@@ -5,12 +5,17 @@ import pinocchio as pin
 import pytest
 
 import fullam
-from fullam.control.backstepping import Backstepping, BacksteppingSettings, CompositeBody
+from fullam.control.backstepping import BacksteppingSettings, attitude_derivative
 from fullam.control.controller import Measurement, ReferencePoint
 from fullam.control.controllers import make_controller
+from fullam.control.law import motions_of
 from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
+from fullam.dynamics.recursion import composite_body, inertial_wrench
+from fullam.dynamics.so3 import SMALL
+from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import SettingsError
 from fullam.model.loading import load_vehicle
+from fullam.numbers.records import flat, record
 
 TOLERANCE = 1e-9
 """Rounding through one 6 x 6 solve; light bodies amplify it."""
@@ -63,13 +68,16 @@ def test_the_arm_counts_by_its_shape_and_not_by_its_motion(rng):
 
 def test_composite_inertia_is_the_sum_of_the_links(rng):
     vehicle = load_vehicle("fullam")
-    model, data, body = vehicle.model, vehicle.create_data(), CompositeBody(vehicle)
-    body.q[7:] = rng.normal(size=vehicle.n_arm)
-    body.bias(np.eye(3), np.zeros(3), np.empty(6))
-    pin.forwardKinematics(model, data, body.q)
+    model, data = vehicle.model, vehicle.create_data()
+    m = Measurement(vehicle)
+    m.q[7:] = rng.normal(size=vehicle.n_arm)
+    body = composite_body(make_controller("backstepping", vehicle).chain(motions_of(m)))
+    pin.forwardKinematics(model, data, m.q)
     placed = [data.oMi[i].act(model.inertias[i]) for i in range(1, model.njoints)]
     expected = sum((inertia.matrix() for inertia in placed), np.zeros((6, 6)))
-    np.testing.assert_allclose(body.inertia, expected, atol=1e-12)
+    for unit in np.eye(6):
+        wrench = inertial_wrench(body, record(Spatial, unit))
+        np.testing.assert_allclose([*flat(wrench)], expected @ unit, atol=1e-12)
 
 
 def lyapunov(s, p, R, v, w, ref, integrals, h):
@@ -98,8 +106,8 @@ def test_the_lyapunov_function_falls_at_the_derived_rate(rng):
         m, ref = random_measurement(vehicle, rng), random_reference(rng)
         controller.reset(m, ref)
         integrals = rng.normal(size=(2, 3)) * 0.3
-        controller._integral[:3] = s.position_gains[2] * integrals[0]
-        controller._integral[3:] = s.attitude_gains[2] * integrals[1]
+        of_L = integrals * [[s.position_gains[2]], [s.attitude_gains[2]]]
+        controller._memory = controller._memory._replace(integral=record(Spatial, of_L.ravel()))
         controller.wrench(0.0, m, ref)
         a, R = controller.u_pid, rotation_of(m.q)
         v, w = R @ m.v[:3], R @ m.v[3:6]
@@ -121,15 +129,46 @@ def test_the_lyapunov_function_falls_at_the_derived_rate(rng):
         assert measured == pytest.approx(derived, rel=1e-6, abs=1e-6)
 
 
-def test_the_small_angle_branch_joins_the_closed_form(rng):
-    """At the border both forms give the same derivative, to what cancellation leaves."""
+@pytest.mark.parametrize("angle", [1e-9, 1e-3, 0.0999, 0.1001, 1.0, 3.0])
+def test_the_derivative_of_the_error_is_exact_on_both_sides_of_the_series(rng, angle):
+    """Central difference of log(R_d R^T) over 1e-5 s: truncation 1e-10 times derivatives of e.
+
+    They grow towards pi, where the inverse Jacobian does.
+    """
+    h, e = 1e-5, rng.normal(size=3)
+    e *= angle / np.linalg.norm(e)
+    w, w_d = rng.normal(size=(2, 3))
+
+    def error(t):
+        return pin.log3(pin.exp3(w_d * t) @ pin.exp3(e) @ pin.exp3(-w * t))
+
+    measured = (error(h) - error(-h)) / (2.0 * h)
+    found = attitude_derivative(tuple(e), tuple(w), tuple(w_d))
+    np.testing.assert_allclose(found, measured, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [1e-6, 0.01, 0.0999, 0.1001, 1.0, 2.0, 3.0])
+def test_the_derivative_of_the_error_is_the_inverse_jacobian_of_pinocchio(rng, angle):
+    """J_l^-1(e) (w_d - R_e w) to rounding of order-one numbers, of Pinocchio's 1e-13 near pi."""
+    e = rng.normal(size=3)
+    e *= angle / np.linalg.norm(e)
+    w, w_d = rng.normal(size=(2, 3))
+    R_e = pin.exp3(e)
+    expected = pin.Jlog3(R_e).T @ (w_d - R_e @ w)
+    found = attitude_derivative(tuple(e), tuple(w), tuple(w_d))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=4e-15 if angle < 3.0 else 2e-13)
+
+
+def test_the_series_joins_the_closed_form(rng):
+    """At the border both forms give the same derivative, but for the step of 2e-13 between them."""
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
-    w, w_d = rng.normal(size=(2, 3))
-    below, above = np.empty(3), np.empty(3)
-    Backstepping._attitude_derivative(axis * 0.999999e-3, w, w_d, below)
-    Backstepping._attitude_derivative(axis * 1.000001e-3, w, w_d, above)
-    np.testing.assert_allclose(below, above, atol=1e-8)
+    w, w_d = (tuple(x) for x in rng.normal(size=(2, 3)))
+    border = np.sqrt(SMALL)
+    below, above = (
+        attitude_derivative(tuple(axis * border * side), w, w_d) for side in (1 - 1e-12, 1 + 1e-12)
+    )
+    np.testing.assert_allclose(below, above, rtol=0, atol=1e-11)
 
 
 def test_near_the_target_it_is_the_documented_pid(rng):
@@ -156,10 +195,36 @@ def test_what_is_not_delivered_drains_the_integral():
     controller.reset(m, ref)
     for _ in range(50):
         controller.wrench(0.0, m, ref)
-    before = controller._integral.copy()
+    before = controller._memory.integral.linear[2]
     asked = controller.wrench(0.0, m, ref)
     controller.delivered(0.8 * asked, -0.2 * asked)
-    assert 0.0 <= controller._integral[2] < before[2]
+    assert 0.0 <= controller._memory.integral.linear[2] < before
+
+
+def test_what_is_drained_is_the_undelivered_acceleration_of_the_composite_body(rng):
+    """By Pinocchio's composite inertia, each axis at the rate anti_windup / C2, none past zero."""
+    vehicle = load_vehicle("fullam")
+    controller = make_controller("backstepping", vehicle)
+    s, m, ref = controller.settings, random_measurement(vehicle, rng), random_reference(rng)
+    controller.reset(m, ref)
+    u = controller.wrench(0.0, m, ref).copy()
+    got = u + 0.3 * rng.normal(size=6)
+    R = rotation_of(m.q)
+    M = np.triu(pin.crba(vehicle.model, vehicle.create_data(), m.q)[:6, :6])
+    M += np.triu(M, 1).T
+    missing_A = np.linalg.solve(M, ((got - u).reshape(2, 3) @ R).ravel())
+    missing = (missing_A.reshape(2, 3) @ R.T).ravel()
+    integral = np.where(rng.normal(size=6) > 0.0, -0.5, 0.5)
+    integral[0] = -1e-9 * np.sign(missing[0])  # drained to zero and no further
+    controller._memory = controller._memory._replace(integral=record(Spatial, integral))
+    controller.delivered(got, got - u)
+    c2 = np.repeat([s.position_gains[1], s.attitude_gains[1]], 3)
+    step = np.minimum(np.abs(missing) * s.anti_windup * 0.01 / c2, np.abs(integral))
+    expected = integral - np.where(integral * missing < 0.0, np.sign(integral) * step, 0.0)
+    found = [*flat(controller._memory.integral)]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    assert found[0] == 0.0
+    assert np.abs(expected - integral).max() > 1e-3
 
 
 def test_flies_the_step_and_feels_the_arm_that_dc_pid_cancels():
@@ -180,7 +245,6 @@ def test_flies_the_step_and_feels_the_arm_that_dc_pid_cancels():
         {"position_gains": (0.0, 4.0, 1.0)},
         {"attitude_gains": (1.0, 2.0)},
         {"integral_limits": (1.0, -1.0)},
-        {"max_acceleration": 0.0},
         {"anti_windup": -1.0},
     ],
 )

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from fullam.control import active_set_search
 from fullam.control.active_set_map import AT_LOWER, AT_UPPER, FREE, value
 from fullam.control.active_set_search import Held, Last, kkt_residual, map_of, solve_box
-from fullam.control.box_qp import MOST_UNKNOWNS, BoxLeastSquares, box_lists, six
+from fullam.control.box_qp import MOST_UNKNOWNS, BoxLeastSquares, box_lists, pack_box, six
 from fullam.exceptions import SettingsError
 
 OBJECTIVE_TOLERANCE = 1e-11
@@ -97,7 +97,13 @@ def reference(box: BoxLeastSquares, wrench: np.ndarray) -> np.ndarray:
 
 
 def assert_minimiser(box: BoxLeastSquares, wrench: np.ndarray) -> None:
-    """`solution` is in the box, optimal, and no worse than scipy's, with the same wrench."""
+    """`solution` is in the box, optimal, and no worse than scipy's, with the same wrench.
+
+    And the active set is named as it is: another name would find another set's map.
+    """
+    bits, held = 2.0 ** np.arange(box.upper.size), box.search.last[0].held
+    assert held.lower == bits @ (box.status == AT_LOWER)
+    assert held.upper == bits @ (box.status == AT_UPPER)
     u, expected = box.solution, reference(box, wrench)
     assert np.all(u >= 0.0)
     assert np.all(u <= box.upper)
@@ -254,7 +260,7 @@ def test_a_full_store_is_emptied_and_changes_nothing() -> None:
     n = B.shape[1]
     box = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n))
     small, fullest = BoxLeastSquares(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n)), 0
-    small.box = box_lists(small.packed(5))
+    small.box = box_lists(*pack_box(B, WEIGHTS, 1e-8, np.zeros(n), np.ones(n)), 5)
     for _ in range(50):
         wrench = 3.0 * rng.normal(size=6)
         assert box.solve(wrench)

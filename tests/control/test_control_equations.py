@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 
 from fullam.analysis.random_states import random_states
-from fullam.control.controller import ALL_AXES, Measurement, ReferencePoint
+from fullam.control.controller import Measurement, ReferencePoint
 from fullam.control.dc_pid import DcPid, DcPidSettings
-from fullam.control.pid import PidLaw, PidSettings
+from fullam.control.pid import Pid, PidSettings
 from fullam.dynamics.kinematics import motion_of
 from fullam.dynamics.matrix_system import platform_inertia
 from fullam.dynamics.paper_model import PaperModel
@@ -52,20 +52,20 @@ def paper_errors(measurement, reference):
 
 def test_pid_19_is_the_sum_of_its_three_terms(vehicle):
     settings = PidSettings(position_gains=(9.0, 0.5, 6.0), attitude_gains=(30.0, 2.0, 10.0))
-    law = PidLaw(settings, PERIOD, ALL_AXES)
+    controller = Pid(vehicle, settings, PERIOD)
     measurement, reference = told(vehicle)
     e, rate = paper_errors(measurement, reference)
     k_p, k_i, k_d = (np.repeat(pair, 3) for pair in ((9.0, 30.0), (0.5, 2.0), (6.0, 10.0)))
-    u_pid = np.empty(6)
     for tick in range(4):
-        law.acceleration(measurement, reference, u_pid)
+        controller.wrench(0.0, measurement, reference)
         # The error is constant, so its integral at this tick is tick * period * e.
         expected = k_p * e + k_i * (tick * PERIOD * e) + k_d * rate
-        np.testing.assert_allclose(u_pid, expected, atol=ROUNDING)
+        np.testing.assert_allclose(controller.u_pid, expected, atol=ROUNDING)
 
 
-def test_dc_pid_26_is_inertia_times_u_pid_plus_u_dc(vehicle):
-    controller = DcPid(vehicle, DcPidSettings(), PERIOD)
+@pytest.mark.parametrize("model", ["pinocchio", "recursion"])
+def test_dc_pid_26_is_inertia_times_u_pid_plus_u_dc(vehicle, model):
+    controller = DcPid(vehicle, DcPidSettings(model=model), PERIOD)
     measurement, reference = told(vehicle)
     controller.reset(measurement, reference)
     u = controller.wrench(0.0, measurement, reference).copy()

@@ -4,23 +4,81 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from fullam.control.controller import Measurement, ReferencePoint
-from fullam.control.controllers import controller_names, make_controller
+from fullam.control.controller import Controller, Measurement, ReferencePoint
+from fullam.control.controllers import (
+    CONTROLLERS,
+    LAWS,
+    controller_class,
+    controller_names,
+    make_controller,
+    register,
+)
+from fullam.exceptions import UnknownName
 from fullam.model.loading import load_vehicle
 
 
+@pytest.fixture(scope="module")
+def vehicle():
+    return load_vehicle("fullam")
+
+
 @pytest.mark.parametrize("name", controller_names())
-def test_an_attitude_that_is_shared_is_the_measured_one_live(name):
-    """One array for life: who turns the wrench looks it up once. Rounding of two formulas."""
-    vehicle = load_vehicle("fullam")
-    law = make_controller(name, vehicle)
-    shared = law.attitude
-    assert shared is not None or name == "backstepping"
-    m, ref = Measurement(vehicle), ReferencePoint()
+def test_reset_forgets_all_that_was(name, vehicle):
+    """Also what was said to be delivered."""
+    law, m, ref = make_controller(name, vehicle), Measurement(vehicle), ReferencePoint()
+    ref.pose[:3] = 0.3, -0.2, 0.5
+    m.q[3:7] = pin.Quaternion(pin.exp3(np.array([0.2, -0.1, 0.3]))).coeffs()
     law.reset(m, ref)
-    for turn in ([0.2, -0.1, 0.3], [-0.4, 0.0, 1.0]):
-        m.q[3:7] = pin.Quaternion(pin.exp3(np.array(turn))).coeffs()
-        law.wrench(0.0, m, ref)
-        assert law.attitude is shared
-        if shared is not None:
-            np.testing.assert_allclose(shared, pin.exp3(np.array(turn)), rtol=0, atol=1e-14)
+    first = law.wrench(0.0, m, ref).copy()
+    for _ in range(3):
+        u = law.wrench(0.0, m, ref)
+        law.delivered(0.8 * u, -0.2 * u)
+    law.reset(m, ref)
+    np.testing.assert_array_equal(law.wrench(0.0, m, ref), first)
+
+
+@pytest.mark.parametrize("name", controller_names())
+def test_the_measurement_is_left_as_it_was(name, vehicle, rng):
+    law, m, ref = make_controller(name, vehicle), Measurement(vehicle), ReferencePoint()
+    m.q[:] = pin.integrate(vehicle.model, m.q, rng.normal(size=vehicle.model.nv))
+    m.v[:] = rng.normal(size=vehicle.model.nv)
+    m.arm_acceleration[:] = rng.normal(size=vehicle.n_arm)
+    q, v, a = m.q.copy(), m.v.copy(), m.arm_acceleration.copy()
+    law.reset(m, ref)
+    law.wrench(0.0, m, ref)
+    for now, before in ((m.q, q), (m.v, v), (m.arm_acceleration, a)):
+        np.testing.assert_array_equal(now, before)
+
+
+@pytest.mark.parametrize("name", controller_names())
+def test_a_law_says_with_what_lag_its_wrench_follows(name, vehicle):
+    law = make_controller(name, vehicle)
+    mean = vehicle.rotors.lags.mean()
+    assert mean > 0.0
+    assert law.thrust_lag() == (0.5 * mean if name == "dc-pid-plus" else mean)
+    assert law.thrust_lag() == law.settings.thrust_lag(vehicle)
+
+
+def test_the_table_holds_the_laws_under_their_names():
+    assert {law.name for law in LAWS} <= set(controller_names())
+    assert all(controller_class(law.name) is law for law in LAWS)
+
+
+def test_a_user_s_law_is_found_by_its_name(vehicle, monkeypatch):
+    monkeypatch.setattr("fullam.control.controllers.CONTROLLERS", type(CONTROLLERS)("controller"))
+
+    @register("still")
+    class Still(Controller):
+        Settings = dict
+
+        def reset(self, measurement, reference):
+            """Nothing to forget."""
+
+        def wrench(self, t, measurement, reference):
+            return np.zeros(6)
+
+    assert controller_names() == ("still",)
+    assert controller_class("still") is Still
+    assert Still.name == "still"
+    with pytest.raises(UnknownName, match="still"):
+        controller_class("stil")

@@ -24,6 +24,9 @@ from scipy.optimize import nnls
 from fullam.analysis.random_states import CATEGORIES, random_states
 from fullam.dynamics.integrators import integrator
 from fullam.dynamics.multibody import Multibody, rotation_of, world_acceleration
+from fullam.dynamics.spatial import Pose, Spatial
+from fullam.numbers.records import flat, record
+from fullam.numbers.vectors import ZERO
 
 COUNT = 40
 
@@ -172,20 +175,29 @@ class Program:
     def ddtheta(self, t):
         return 0.3 * np.cos(2.0 * t + np.arange(self.n))
 
+    def arm(self, t):
+        """Angles from those at the start on, and rates: `ddtheta` integrated from rest."""
+        start = np.arange(self.n)
+        rate = 0.15 * (np.sin(2.0 * t + start) - np.sin(start))
+        return 0.075 * (np.cos(start) - np.cos(2.0 * t + start)) - 0.15 * t * np.sin(start), rate
+
 
 def fly_pinocchio(vehicle, program, q, steps):
-    witness, v, dt = Multibody(vehicle), np.zeros(vehicle.model.nv), DURATION / steps
-    q, rk4 = q.copy(), integrator("rk4")
+    witness, dt = Multibody(vehicle), DURATION / steps
+    now, then = q.copy(), np.zeros(vehicle.model.nv)
+
+    def acceleration(start, stage, pose, twist):
+        t = start + 0.5 * stage * dt
+        turned, then[6:] = program.arm(t)
+        now[:7], then[:6], now[7:] = [*flat(pose)], [*flat(twist)], q[7:] + turned
+        a_A = witness.base_acceleration(now, then, program.ddtheta(t), program.wrench(t))
+        return record(Spatial, a_A)
+
+    pose, twist = record(Pose, q[:7]), Spatial(ZERO, ZERO)
     for k in range(steps):
-
-        def acceleration(stage, q, v, start=k * dt):
-            t = start + 0.5 * stage * dt
-            ddtheta = program.ddtheta(t)
-            a_A = witness.base_acceleration(q, v, ddtheta, program.wrench(t))
-            return np.concatenate([a_A, ddtheta])
-
-        rk4.step(vehicle.model, acceleration, q, v, dt)
-    return q, v
+        pose, twist, _ = integrator("rk4").step(acceleration, k * dt, pose, twist, dt)
+    turned, rate = program.arm(DURATION)
+    return np.array([*flat(pose), *(q[7:] + turned)]), np.array([*flat(twist), *rate])
 
 
 def fly_mujoco(engine, program, q, steps):

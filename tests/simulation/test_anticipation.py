@@ -10,8 +10,9 @@ from fullam.control.first_order import FirstOrder
 from fullam.control.signals import Estimate
 from fullam.control.truth import Truth
 from fullam.dynamics.pose_space import pose_from_euler
+from fullam.dynamics.so3 import boxplus
 from fullam.numbers.records import Rows, flat, record
-from fullam.simulation.anticipation import STILL, Anticipation, advance, thrust_attitude
+from fullam.simulation.anticipation import STILL, Anticipation, advance
 from fullam.simulation.blending import blend_jumps
 from fullam.simulation.references import Step, tabulate
 
@@ -66,7 +67,7 @@ def test_the_thrust_turns_with_the_platform():
     ahead = Anticipation.of(table, Truth(), lag).rows.to_list()
     for k in (20, 50, 80):
         now = record(Estimate, np.append(table.pose[k], table.velocity[k]))
-        later = np.dot(thrust_attitude(now, ahead[k]), table.pose[k + 1, 3:])
+        later = np.dot(boxplus(now.pose.attitude, ahead[k].turn), table.pose[k + 1, 3:])
         # By at most half the angular acceleration times lag^2; the angle's half, squared.
         assert 1.0 - abs(later) < 0.5 * (0.25 * 8.0 * lag**2) ** 2
         assert np.linalg.norm(ahead[k].turn) > 0.003
@@ -113,7 +114,7 @@ def test_late_and_slow_poses_are_anticipated_too():
         chosen = replace(simulation, estimator=estimator)
         run = fullam.simulate("position-1", calm=True, simulation=chosen)
         without = fullam.simulate(
-            "position-1", calm=True, simulation=chosen, settings={"anticipate": False}
+            "position-1", calm=True, simulation=chosen, shaping={"anticipate": False}
         )
         assert fullam.measure(run).overshoot_percent < 1.0
         assert fullam.measure(run).overshoot_percent < fullam.measure(without).overshoot_percent
@@ -138,7 +139,7 @@ SIDEWAYS = fullam.Step((1, 0, 1), at=0.2)
 def test_jumps_that_are_left_in_are_not_anticipated(reference, limits, anticipated):
     scenario = fullam.Scenario("jump", reference=reference, duration=1.0)
     a, b = (
-        fullam.simulate(scenario, calm=True, settings=limits | {"anticipate": wanted})
+        fullam.simulate(scenario, calm=True, shaping=limits | {"anticipate": wanted})
         for wanted in (True, False)
     )
     assert np.array_equal(a.pose, b.pose) is not anticipated
@@ -153,8 +154,8 @@ def test_a_smooth_reference_is_anticipated_without_limits_too():
         duration=2.0,
     )
     limited = fullam.simulate(scenario, calm=True)
-    free = fullam.simulate(scenario, calm=True, settings=NO_LIMITS)
-    late = fullam.simulate(scenario, calm=True, settings=NO_LIMITS | {"anticipate": False})
+    free = fullam.simulate(scenario, calm=True, shaping=NO_LIMITS)
+    late = fullam.simulate(scenario, calm=True, shaping=NO_LIMITS | {"anticipate": False})
     np.testing.assert_array_equal(free.pose, limited.pose)
     errors = [np.linalg.norm(r.pose[-1, :3] - r.reference_pose[-1, :3]) for r in (free, late)]
     assert errors[0] < 0.5 * errors[1]
@@ -163,5 +164,5 @@ def test_a_smooth_reference_is_anticipated_without_limits_too():
 def test_it_is_what_keeps_the_step_from_overshooting():
     scenario = fullam.load_scenario("position-1")
     with_it = fullam.measure(fullam.simulate(scenario, calm=True))
-    without = fullam.measure(fullam.simulate(scenario, calm=True, settings={"anticipate": False}))
+    without = fullam.measure(fullam.simulate(scenario, calm=True, shaping={"anticipate": False}))
     assert with_it.overshoot_percent < 0.5 < without.overshoot_percent

@@ -47,7 +47,7 @@ def test_a_prismatic_joint_starts_and_moves_in_metres(sliding, tmp_path):
     run.save(tmp_path / "run.npz")
     again = Run.load(tmp_path / "run.npz")
     assert again.units == run.units
-    assert np.array_equal(again.refly().pose, run.pose)
+    assert np.array_equal(fullam.refly(again).pose, run.pose)
 
 
 def test_a_continuous_joint_may_turn_over_and_over():
@@ -80,3 +80,20 @@ def test_without_positions_the_arm_is_at_rest_within_its_limits():
     vehicle = with_tip("prismatic", 'lower="0.02" upper="0.3"')
     run = fullam.simulate(scenario(arm=()), vehicle=vehicle, calm=True)
     assert run.arm[0].tolist() == [0.0, 0.0, 0.0, 0.02]
+
+
+@pytest.mark.parametrize(
+    ("kind", "arm", "rate"),
+    [("prismatic", (-90.0, 0.0, -45.0, 0.05), 0.1), ("continuous", (0.0, 0.0, 0.0, 700.0), 1.0)],
+)
+def test_both_drivers_fly_the_same_flight(kind, arm, rate):
+    """The Python driver on Pinocchio, the fused one on the recursion; 1e-12 m, of order 1 N."""
+    vehicle, motion = with_tip(kind), SineRate(joint=4, rate=rate, frequency=np.pi)
+    by_python, fused = (
+        fullam.simulate(scenario(motion, arm), vehicle=vehicle, calm=True, driver=driver)
+        for driver in ("python", "fused")
+    )
+    assert fused.outcome == "completed"
+    np.testing.assert_allclose(fused.pose, by_python.pose, atol=1e-12)
+    np.testing.assert_allclose(fused.u_dc, by_python.u_dc, atol=1e-11)
+    assert np.ptp(fused.u_dc, axis=0).max() > 1e-7, "the arm's motion is felt"

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import fullam
-from fullam.exceptions import Diverged, RunFileError, UnknownName
+from fullam.exceptions import Diverged, RunFileError, ScenarioError, SettingsError, UnknownName
 from fullam.model.perturbation import Uncertainty, perturb
+from fullam.simulation.refly import refly
 from fullam.simulation.run import COLUMNS, Run
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.simulate import fly_under_seeds, prepare
+from fullam.simulation.shaping import Shaping
 
 
 @pytest.fixture(scope="module")
@@ -51,23 +52,46 @@ def test_saving_and_loading_changes_nothing(run, tmp_path):
 
 
 def test_a_loaded_run_flies_again_bit_for_bit(run, tmp_path):
-    assert same(run, Run.load(run.save(tmp_path / "run.npz")).refly())
+    assert same(run, refly(Run.load(run.save(tmp_path / "run.npz"))))
 
 
-def test_a_run_says_which_versions_flew_it(run):
+def test_a_run_says_which_driver_and_versions_flew_it(run, tmp_path):
     packages = {"fullam", "python", "pin", "numpy", "scipy", "proxsuite"}
+    assert run.driver == run.metadata["driver"] == "python"
     assert set(run.metadata["versions"]) == packages
-    pytest.importorskip("numba", reason="the compiled engine needs the extra 'fast'")
-    compiled = fullam.simulate(replace(run.scenario, duration=0.1), seed=5, engine="compiled")
-    versions = compiled.metadata["versions"]
+    fused = fullam.simulate(replace(run.scenario, duration=0.1), seed=5, driver="fused")
+    assert fused.driver == "fused"
+    versions = fused.metadata["versions"]
     assert set(versions) == packages | {"numba", "llvmlite"}
     assert versions["numba"] == version("numba")
-    assert same(compiled, compiled.refly())
+    again = refly(Run.load(fused.save(tmp_path / "run.npz")))
+    assert same(fused, again)
+    assert again.metadata == fused.metadata
 
 
-def test_an_unknown_engine_is_named_before_it_flies():
-    with pytest.raises(UnknownName, match=r"swift.*reference, compiled"):
-        fly_under_seeds(prepare("task-1"), "swift")
+def test_what_was_changed_flies_again_as_it_was_changed(run, tmp_path):
+    """Settings of law and estimator, shaping and simulation are in the record."""
+    changed = fullam.simulate(
+        replace(run.scenario, duration=0.2),
+        "dc-pid-plus",
+        seed=2,
+        weather="recorded",
+        settings={"actuation_speedup": 1.5, "observer_rates": (10.0, 9.0)},
+        shaping={"max_acceleration": 4.0, "anticipate": False},
+        simulation=SimulationSettings(estimator_settings={"cutoff": 12.0}, integrator="rk4"),
+    )
+    assert changed.scenario.shaping == Shaping(4.0, 8.0, anticipate=False)
+    assert changed.simulation.estimator_settings == {"cutoff": 12.0}
+    again = refly(Run.load(changed.save(tmp_path / "run.npz")))
+    assert same(changed, again)
+    assert again.metadata == changed.metadata
+
+
+def test_an_unknown_choice_is_named_before_it_flies(run):
+    with pytest.raises(UnknownName, match=r"swift.*python, fused"):
+        fullam.simulate(run.scenario, driver="swift")
+    with pytest.raises(TypeError, match=r"'engine'.*vehicle, seed, weather"):
+        fullam.simulate(run.scenario, engine="reference")
 
 
 def test_a_changed_vehicle_flies_again_as_it_was_changed(tmp_path):
@@ -80,7 +104,7 @@ def test_a_changed_vehicle_flies_again_as_it_was_changed(tmp_path):
     for changed in (failed, drawn):
         run = fullam.simulate(scenario, vehicle=changed, calm=True)
         assert not same(run, nominal)
-        assert same(run, Run.load(run.save(tmp_path / "run.npz")).refly())
+        assert same(run, refly(Run.load(run.save(tmp_path / "run.npz"))))
 
 
 def test_a_seed_may_be_numpys_and_must_be_a_whole_number():
@@ -156,8 +180,8 @@ def test_other_files_are_refused(run, tmp_path):
     (tmp_path / "array.npy").rename(tmp_path / "array.npz")
     with pytest.raises(RunFileError, match="array"):
         Run.load(tmp_path / "array.npz")
-    np.savez(tmp_path / "old.npz", metadata=np.array(json.dumps({"format": "fullam-run-0"})))
-    with pytest.raises(RunFileError, match="fullam-run-1"):
+    np.savez(tmp_path / "old.npz", metadata=np.array(json.dumps({"format": "fullam-run-1"})))
+    with pytest.raises(RunFileError, match=r"'fullam-run-1'.*reads 'fullam-run-2'.*version that"):
         Run.load(tmp_path / "old.npz")
     with pytest.raises(RunFileError, match=r"\.npz"):
         run.save(tmp_path / "run.txt")
@@ -190,7 +214,7 @@ def test_divergence_raises_with_the_partial_run_or_is_a_value():
     value = fullam.simulate(scenario, settings=settings, throw=False)
     assert value.diverged
     assert same(value, partial)
-    assert same(value, value.refly())
+    assert same(value, refly(value))
 
 
 def test_rates_delay_and_estimators_are_settable():
@@ -203,7 +227,7 @@ def test_rates_delay_and_estimators_are_settable():
         run = fullam.simulate(scenario, simulation=simulation)
         assert run.outcome == "completed"
         assert run.t[1] == pytest.approx(simulation.control_period)
-        assert same(run, run.refly())
+        assert same(run, refly(run))
 
 
 @pytest.mark.parametrize(
@@ -220,9 +244,21 @@ def test_rates_that_do_not_divide_are_refused(change, message):
         SimulationSettings(**change)
 
 
+def test_settings_of_estimators_are_checked_at_once():
+    settings = SimulationSettings(estimator="kalman", estimator_settings={})
+    assert SimulationSettings.from_dict(json.loads(json.dumps(settings.to_dict()))) == settings
+    assert hash(replace(settings, estimator_settings={})) == hash(settings)
+    with pytest.raises(SettingsError, match=r"'first-order'.*speed: is no setting of it.*cutoff"):
+        SimulationSettings(estimator_settings={"speed": 3.0})
+    with pytest.raises(SettingsError, match="cutoff"):
+        SimulationSettings(estimator_settings={"cutoff": -1.0})
+    with pytest.raises(ScenarioError, match="estimator_settings"):
+        SimulationSettings(estimator_settings=[1.0])
+
+
 def test_unknown_names_list_the_known():
     for change, known in (
-        ({"engine": "warp"}, "reference"),
+        ({"driver": "warp"}, "fused"),
         ({"weather": "storm"}, "paper"),
         ({"vehicle": "balloon"}, "hextilt"),
         ({"controller": "lqr"}, "dc-pid"),

@@ -7,6 +7,7 @@ import fullam
 from fullam.exceptions import NotFullyActuated, ScenarioError, UnknownName
 from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.scenario import Scenario, load_scenario, scenario_names
+from fullam.simulation.shaping import Shaping
 from fullam.simulation.simulate import prepare
 from fullam.simulation.weather import CALM
 
@@ -50,9 +51,14 @@ def test_a_scenario_of_ones_own_from_a_file(tmp_path):
         weather = "calm"
         reference = { kind = "step", position = [0, 0, 2.2] }
         arm_motion = { kind = "sine-rate", joint = 2, rate = 0.2 }
+
+        [shaping]
+        max_acceleration = 3.0
+        max_angular_acceleration = inf
         """
     )
     scenario = load_scenario(path)
+    assert scenario.shaping == Shaping(3.0, None, anticipate=True)
     assert scenario.weather == CALM
     assert scenario.vehicle == "hextilt"
     run = fullam.simulate(scenario)
@@ -79,6 +85,11 @@ def test_a_scenario_of_ones_own_in_three_lines():
         ("name = 'x'\nweather = {uncertainty={share=2}}", r"x\.toml.*share"),
         ("name = 'x'\narm_motion = {kind='sine-rate', joint=2.0}", r"x\.toml.*joint"),
         ("name = 'x'\naxes = 3", r"x\.toml.*wrong type"),
+        ("name = 'x'\nshaping = 3", r"x\.toml.*wrong type"),
+        ("name = 'x'\nshaping = {speed = 3}", r"x\.toml.*speed.*it has max_acceleration"),
+        ("name = 'x'\nshaping = {max_acceleration = 0}", r"x\.toml.*max_acceleration.*above 0"),
+        ("name = 'x'\nshaping = {max_angular_acceleration = nan}", r"max_angular.*above 0"),
+        ("name = 'x'\nshaping = {anticipate = 'no'}", r"anticipate.*true or false"),
         ("name = 'x'\nreference = {kind='step', position='up'}", r"x\.toml.*wrong type"),
         ("name = 'x'\naxes = ['z', 'q']", r"x\.toml.*axes.*phi"),
         ("name = 'x'\nreference = {kind='step', position=[0, nan, 1]}", r"x\.toml.*position"),
@@ -137,16 +148,16 @@ UNBLENDED = {"max_acceleration": None, "max_angular_acceleration": None}
 def test_a_reference_that_starts_beyond_the_bound_of_divergence_is_refused():
     scenario = fullam.Scenario("far", reference=fullam.Step((9.0, 0.0, 1.0)))
     with pytest.raises(ScenarioError, match=r"is 9 m and 0 deg.*max_position_error.*max_accel"):
-        prepare(scenario, settings=UNBLENDED)
+        prepare(scenario, shaping=UNBLENDED)
     assert prepare(scenario).reference.pose[0, 0] == 0.0
 
 
 def test_a_reference_that_starts_turned_beyond_the_bound_is_refused():
     scenario = fullam.Scenario("turned", reference=fullam.Step((0, 0, 1), (150, 0, 0)))
     with pytest.raises(ScenarioError, match=r"150 deg.*max_attitude_error_deg.*max_angular"):
-        prepare(scenario, settings=UNBLENDED)
+        prepare(scenario, shaping=UNBLENDED)
     wide = fullam.SimulationSettings(max_attitude_error_deg=179.0)
-    assert prepare(scenario, settings=UNBLENDED, simulation=wide).t.size > 1
+    assert prepare(scenario, shaping=UNBLENDED, simulation=wide).t.size > 1
 
 
 def test_where_an_axis_is_not_controlled_the_reference_may_be_anywhere():
@@ -158,4 +169,4 @@ def test_where_an_axis_is_not_controlled_the_reference_may_be_anywhere():
         axes=("z", "phi", "psi", "gamma"),
         duration=0.1,
     )
-    assert not fullam.simulate(scenario, settings=UNBLENDED, calm=True).diverged
+    assert not fullam.simulate(scenario, shaping=UNBLENDED, calm=True).diverged

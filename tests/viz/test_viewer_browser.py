@@ -65,7 +65,7 @@ def test_the_live_page_moves_while_it_flies(chromium):
         chromium.wait_for("fullam.state.time > 11.9")
         after, end = chromium.screenshot(), chromium.evaluate(PLATFORM)
         assert chromium.evaluate("fullam.state.rendered") > rendered
-        np.testing.assert_allclose(end, live.flight.plant.q[:3], atol=1e-5)
+        np.testing.assert_allclose(end, live.flight.pose[:3], atol=1e-5)
         assert share_that_differs(before, after) > 0.01
         assert "11.9" in chromium.evaluate("document.getElementById('clock').textContent") or (
             "12.0" in chromium.evaluate("document.getElementById('clock').textContent")

@@ -20,7 +20,7 @@ def explorer():
 def test_a_cell_holds_the_whole_page():
     data = fullam.load_scenario("task-2").to_dict() | {"duration": 0.2}
     run = fullam.simulate(fullam.Scenario.from_dict(data), calm=True)
-    view = run.view(height=333)
+    view = fullam.view(run, height=333)
     cell = view._repr_html_()
     assert "height: 333px" in cell and "srcdoc=" in cell
     assert "fullam.film(" in cell and "script src" not in cell
@@ -100,3 +100,22 @@ def test_without_ipywidgets_the_message_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     with pytest.raises(MissingDependency, match=r"fullam\[notebook\]"):
         fullam.explore()
+
+
+def test_a_prismatic_joint_has_a_slider_in_metres():
+    vehicle = fullam.load_vehicle("fullam")
+    start = vehicle.urdf.index('<joint name="joint_4" type="revolute"')
+    end = vehicle.urdf.index("</joint>", start)
+    joint = vehicle.urdf[start:end].replace("revolute", "prismatic")
+    joint = joint.replace("2.617993877991", "0.15")
+    urdf = vehicle.urdf[:start] + joint + vehicle.urdf[end:]
+    sliding = type(vehicle).from_definition(vehicle.definition, urdf)
+    explorer = fullam.explore(sliding)
+    try:
+        slider = explorer.sliders["joint_4"]
+        assert (slider.min, slider.max, slider.description) == (-0.15, 0.15, "joint_4 [m]")
+        slider.value = 0.1
+        np.testing.assert_allclose(explorer.hover.arm, [0.0, 0.0, 0.0, 0.1])
+        assert explorer.sliders["joint_1"].description == "joint_1 [deg]"
+    finally:
+        explorer.close()

@@ -57,7 +57,7 @@ class LiveFlight:
     """A plan that is flown while one looks.
 
     Attributes:
-        flight: The engine; it stands at the tick drawn last.
+        flight: What is flown; it stands at the tick drawn last.
         scene: What is drawn.
     """
 
@@ -85,25 +85,26 @@ class LiveFlight:
         self._shown = True
 
     def frame(self, k: int) -> NDArray[np.float32]:
-        """The frame after tick k, which has just been flown: the plant at the next one."""
-        plan, plant = self.plan, self.flight.plant
+        """The frame after tick k, which has just been flown: the vehicle at the next one."""
+        plan, flight = self.plan, self.flight
+        pose, speeds = flight.pose, flight.rotor_speeds
         k = min(k + 1, plan.t.size - 1)
         t, row = float(plan.t[k]), plan.arm_row(k)
-        self._spin += (t - self._spun) * propeller_rates(plan.true, plant.speeds)
+        self._spin += (t - self._spun) * propeller_rates(plan.true, speeds)
         self._spun = t
-        R_WA = pin.Quaternion(plant.q[3:7]).toRotationMatrix()
-        wrench_A = plan.true.rotors.wrench(plant.speeds)
+        R_WA = pin.Quaternion(pose[3:]).toRotationMatrix()
+        wrench_A = plan.true.rotors.wrench(speeds)
         now = Snapshot(
-            pose=plant.q[:7],
-            velocity=_turned(R_WA, plant.v[:6]),
+            pose=pose,
+            velocity=_turned(R_WA, flight.twist),
             arm=plan.arm.theta[row],
             arm_rate=plan.arm.dtheta[row],
             arm_acceleration=plan.arm.ddtheta[row],
-            rotor_speeds=plant.speeds,
+            rotor_speeds=speeds,
             rotor_wrench=_turned(R_WA, wrench_A),
             disturbance=plan.forecast.disturbance[k],
             target=plan.asked.pose[k],
-            saturated=self.flight.allocator.saturated,
+            saturated=flight.saturated,
             spin=self._spin,
         )
         return self.scene.frame(t, [now])

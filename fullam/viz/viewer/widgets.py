@@ -158,3 +158,16 @@ def report(found: Hover) -> str:
             f"</span><span>{speed:.0f} rad/s</span></div>"
         )
     return "".join(rows)
+
+
+def explore(vehicle: Vehicle | str = "fullam", height: int = 480) -> Explorer:
+    """Sliders for arm, tilt and cant of a vehicle, with hover speeds and feasibility, live.
+
+    Args:
+        vehicle: A vehicle or its name; cant has a slider only for vehicles made from a design.
+        height: Of the scene [px].
+
+    Raises:
+        MissingDependency: ipywidgets is not installed.
+    """
+    return Explorer(vehicle, height)

@@ -1,0 +1,24 @@
+"""Flying a record again."""
+
+from __future__ import annotations
+
+from fullam.simulation.run import Run
+from fullam.simulation.simulate import simulate
+
+
+def refly(run: Run) -> Run:
+    """Fly the same flight again from its record alone; equal versions give equal bits.
+
+    A true vehicle that somebody put in (`FlightPlan.with_true`) is in no record: the seed's flies.
+    """
+    return simulate(
+        run.scenario,
+        run.controller,
+        driver=run.driver,
+        throw=False,
+        vehicle=run.vehicle,
+        seed=run.seed,
+        weather=run.weather,
+        settings=run.settings,
+        simulation=run.simulation,
+    )
