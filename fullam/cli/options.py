@@ -84,6 +84,9 @@ FLIGHT = (
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
     argument(
+        "--governor", metavar="on|off", help="take the target's tilt back while force is short"
+    ),
+    argument(
         "--shape",
         type=setting,
         action="append",
@@ -143,7 +146,7 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
 
 
 def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
-    """The simulation's settings with the given rates and estimator."""
+    """The simulation's settings with the given rates, estimator and governor."""
     from fullam.simulation.settings import SimulationSettings
 
     changes: dict[str, Any] = {}
@@ -153,4 +156,6 @@ def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
         changes["plant_period"] = 1.0 / arguments.plant_rate
     if arguments.estimator:
         changes["estimator"] = arguments.estimator
+    if arguments.governor:
+        changes["governor"] = arguments.governor
     return SimulationSettings(**changes)
