@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import sys
 from pathlib import Path
 
@@ -11,7 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from meter import Meter, report
+import report
+from meter import Meter
 from page import write_section
 
 METER = pytest.StashKey[Meter]()
@@ -34,14 +33,25 @@ def meter(request):
 
 
 @pytest.fixture
-def flights(request):
-    """How many flights a campaign has; few when only smoke-run."""
-    enabled = not request.config.getoption("benchmark_disable")
-    return request.config.getoption("flights") if enabled else 4
+def smoke(request):
+    """Whether the rows' work is only done once, as small as it can be, and nothing is timed."""
+    return bool(request.config.getoption("benchmark_disable"))
+
+
+@pytest.fixture
+def flights(request, smoke):
+    """How many flights a campaign has."""
+    return 4 if smoke else request.config.getoption("flights")
+
+
+@pytest.fixture
+def steps(smoke):
+    """How many steps of 1 ms a flight has."""
+    return 40 if smoke else 1000
 
 
 def pytest_runtest_logreport(report):
-    """Optional packages that are missing are named in the summary."""
+    """Rows that could not be had are named in the summary."""
     if report.skipped and isinstance(report.longrepr, tuple):
         SKIPPED.append(f"{report.nodeid.split('::')[-1]}: {report.longrepr[2]}")
 
@@ -52,21 +62,10 @@ SKIPPED: list[str] = []
 def pytest_terminal_summary(terminalreporter, config):
     meter = config.stash[METER]
     meter.skipped += SKIPPED
-    load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
-    lines = [
-        f"{processor()}, {os.cpu_count()} cores, load {load}, Python {platform.python_version()}",
-        *report(meter),
-    ]
-    terminalreporter.section("fullam: the control loop in RNEA equivalents")
-    for line in lines:
+    lines = [report.machine(), *report.figures(meter)]
+    terminalreporter.section("fullam in RNEA equivalents")
+    for line in [*lines, "", *report.bounds(meter)]:
         terminalreporter.write_line(line)
     if config.getoption("--readme"):
+        write_section("bounds", "\n".join([report.processor() + ":", "", *report.bounds(meter)]))
         write_section("figures", "\n".join(["```", *lines, "```"]))
-
-
-def processor():
-    """The processor's name, where the system tells."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()

@@ -3,8 +3,8 @@
 RE is the time of one `pin.rnea` call from Python on the same vehicle. Each round times a burst of
 such calls, warm, and then a burst of the thing itself, and the ratio is taken round by round, so
 that the mood of the machine cancels. Bursts are timed in CPU time of the process (a busy
-machine's other work does not count), except where several processes or threads work at once: there
-by the clock.
+machine's other work does not count), except where threads or processes work side by side: there by
+the clock.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ class Row:
         must: Bound that the project promises, in `unit`.
         aim: Bound that it strives for, in `unit`.
         value: What the bounds are about, in `unit`.
-        unit: "RE", "us", "x real time", "x" or "" when there are no bounds.
+        unit: "RE", "us", "x real time", "x", ...; more is better where it begins with an x.
         note: What else is to be known.
+        promise: The sentence under which the table of bounds has it; "" if it is not in there.
     """
 
     group: str
@@ -57,6 +58,7 @@ class Row:
     value: float | None = None
     unit: str = ""
     note: str = ""
+    promise: str = ""
 
     @property
     def verdict(self) -> str:
@@ -101,16 +103,20 @@ class Meter:
             calls: How many calls the work makes.
             vehicle: Whose RNEA is the unit.
             row: The row, with us = 0.
-            rounds: How many rounds.
+            rounds: How many rounds, after one that does not count; a single one counts itself.
             timer: What the unit is timed with; must be the benchmark's own timer.
         """
         unit, ratios = rnea_timer(vehicle, timer), []
+        processor: list[float] = []
 
         def setup() -> tuple[tuple[Any], dict[str, Any]]:
             ratios.append(unit())
             return (prepare(),), {}
 
-        benchmark.pedantic(_work, setup=setup, rounds=rounds, warmup_rounds=1)
+        def work(burst: Callable[[], Any]) -> None:
+            processor.append(processor_time(burst, calls))
+
+        benchmark.pedantic(work, setup=setup, rounds=rounds, warmup_rounds=min(1, rounds - 1))
         if not benchmark.enabled:
             return row
         times = [t / calls for t in benchmark.stats.stats.data]
@@ -118,10 +124,48 @@ class Meter:
         self.units += [u * 1e6 for u in units]
         row.us = statistics.median(times) * 1e6
         row.re = statistics.median(t / u for t, u in zip(times, units, strict=True))
-        if row.unit == "RE":
-            row.value = row.re
-        elif row.unit == "us":
-            row.value = row.us
+        if timer is time.perf_counter:
+            took = f"{statistics.median(processor) * 1e6:.3g} us of processor"
+            row.note = "; ".join(text for text in (took, row.note) if text)
+        if row.unit in ("RE", "us"):
+            row.value = row.re if row.unit == "RE" else row.us
+        self.add(benchmark, row)
+        return row
+
+    def against(
+        self,
+        benchmark: Any,
+        rival: Callable[[], float],
+        prepare: Callable[[], Callable[[], Any]],
+        calls: int,
+        row: Row,
+        rounds: int = 9,
+    ) -> Row:
+        """Time a rival and ours in alternating bursts; the value is how often ours fits in.
+
+        Args:
+            benchmark: The fixture; it times ours.
+            rival: One burst of the rival's; returns seconds a call.
+            prepare: Called before each round, untimed; returns our burst.
+            calls: How many calls ours makes.
+            row: The row; `us` becomes our time, and its note tells the rival's.
+            rounds: How many rounds.
+        """
+        rivals: list[float] = []
+
+        def setup() -> tuple[tuple[Any], dict[str, Any]]:
+            rivals.append(rival())
+            return (prepare(),), {}
+
+        benchmark.pedantic(_work, setup=setup, rounds=rounds, warmup_rounds=1)
+        if not benchmark.enabled:
+            return row
+        times = [t / calls for t in benchmark.stats.stats.data]
+        pairs = list(zip(rivals[-len(times) :], times, strict=True))
+        row.us = statistics.median(times) * 1e6
+        row.value, row.unit = statistics.median(theirs / t for theirs, t in pairs), "x"
+        its = f"it takes {statistics.median(theirs for theirs, _ in pairs) * 1e6:.3g} us"
+        row.note = "; ".join(text for text in (its, row.note) if text)
         self.add(benchmark, row)
         return row
 
@@ -135,6 +179,13 @@ class Meter:
 
 def _work(work: Callable[[], Any]) -> None:
     work()
+
+
+def processor_time(work: Callable[[], Any], calls: int) -> float:
+    """Processor time of one of the calls that some work makes [s]."""
+    start = time.process_time()
+    work()
+    return (time.process_time() - start) / calls
 
 
 def rnea_timer(vehicle: Vehicle, timer: Callable[[], float]) -> Callable[[], float]:
@@ -156,26 +207,3 @@ def rnea_timer(vehicle: Vehicle, timer: Callable[[], float]) -> Callable[[], flo
         return (timer() - start) / (laps * UNIT_STATES)
 
     return burst
-
-
-def report(meter: Meter) -> list[str]:
-    """The summary, line by line."""
-    lines = []
-    if meter.units:
-        unit = statistics.median(meter.units)
-        lines.append(f"RE = {unit:.2f} us, the median of {len(meter.units)}")
-    for group in dict.fromkeys(row.group for row in meter.rows):
-        rows = [row for row in meter.rows if row.group == group]
-        head = f"{'us':>9}{'RE':>8}{'x C++':>7}{rows[0].unit:>15}{'must':>7}{'aim':>7}"
-        lines += ["", group, f"  {'':<46}{head}"]
-        for row in rows:
-            re = "" if row.re is None else f"{row.re:.1f}"
-            over = "" if None in (row.floor, row.re) else f"{row.re / row.floor:.1f}"
-            value = "" if row.value is None else f"{row.value:.3g}"
-            must, aim = ("" if x is None else f"{x:g}" for x in (row.must, row.aim))
-            kept = "; ".join(text for text in (row.verdict, row.note) if text)
-            lines.append(
-                f"  {row.name:<46}{row.us:>9.2f}{re:>8}{over:>7}{value:>15}{must:>7}{aim:>7}"
-                f"  {kept}".rstrip()
-            )
-    return lines + [""] + [f"not run: {reason}" for reason in meter.skipped]

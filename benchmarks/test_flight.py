@@ -1,58 +1,39 @@
-"""Whole flights: the closed loop against real time, and campaigns over seeds."""
+"""One flight: by machine code and by Python, from the plan or from nothing to the record."""
 
 from __future__ import annotations
 
-import functools
-import multiprocessing
-import statistics
 import time
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 
 import pytest
 import workloads
 from meter import RE_OF_FLOORS, Row
 
-from fullam.analysis.campaign import Campaign
+from fullam.simulation import fused
 from fullam.simulation.flight import Flight
-from fullam.simulation.simulate import fly_under_seeds, simulate
+from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import CALM
+
+pytestmark = pytest.mark.benchmark(timer=time.process_time)
 
 FLOOR = 4.65 / RE_OF_FLOORS
 """Closed loop in C++, middle of the range measured on hextilt [RE a step]."""
 
-STEPS = 1000
-WORKERS = 2
+GROUP = "One flight, control and plant at 1 kHz, dc-PID, a step"
 
 
-@functools.cache
-def plan(vehicle, weather="paper"):
-    weather = workloads.WEATHERS[vehicle] if weather == "paper" else CALM
-    return workloads.plan(vehicle, 0.001 * (STEPS - 1), weather=weather)
+def flight_row(name, must=None, aim=None, promise=""):
+    return Row(GROUP, name, 0.0, floor=FLOOR, must=must, aim=aim, unit="RE", promise=promise)
 
 
-def closed_loop(benchmark, meter, prepare, flown, name, must=None, aim=None, steps=STEPS):
-    """Complete a row about a closed loop, in times real time."""
-    row = Row(
-        "Closed loop, control and plant at 1 kHz, dc-PID, from plan to record",
-        name,
-        0.0,
-        floor=FLOOR,
-        must=must,
-        aim=aim,
-        unit="x real time",
-    )
-    meter.measure(benchmark, prepare, steps, flown.nominal, row, rounds=9)
-    if row.us:
-        row.value = flown.simulation.control_period * 1e6 / row.us
-        benchmark.extra_info.update(value=row.value, verdict=row.verdict)
-
-
-@pytest.mark.benchmark(timer=time.process_time)
 @pytest.mark.parametrize("vehicle", workloads.VEHICLES)
-@pytest.mark.parametrize("weather", ["paper", "calm"])
-def test_closed_loop(benchmark, meter, weather, vehicle):
-    flown = plan(vehicle, weather)
+@pytest.mark.parametrize("weather", ["all realism", "calm"])
+def test_python(benchmark, meter, steps, weather, vehicle):
+    calm = CALM if weather == "calm" else None
+    flown = workloads.plan(vehicle, steps, weather=calm)
+    row = flight_row(f"python, {vehicle}, {weather}")
+    if vehicle == "fullam" and not calm:
+        row.must, row.aim = 200.0, 70.0
+        row.promise = "Python driver, 1 kHz control and plant, all realism, a step"
 
     def prepare():
         flight = Flight(flown)
@@ -60,126 +41,53 @@ def test_closed_loop(benchmark, meter, weather, vehicle):
         def work():
             for _ in flight.ticks():
                 pass
-            flight.run()
+            assert len(flight.run()) == steps
 
         return work
 
-    name = f"numpy, {vehicle}, {'all realism' if weather == 'paper' else weather}"
-    closed_loop(benchmark, meter, prepare, flown, name, 20.0, 35.0)
+    meter.measure(benchmark, prepare, steps, flown.nominal, row, rounds=7)
 
 
-@pytest.mark.benchmark(timer=time.process_time)
 @pytest.mark.parametrize("vehicle", workloads.VEHICLES)
-@pytest.mark.parametrize("weather", ["paper", "calm"])
-def test_closed_loop_compiled(benchmark, meter, weather, vehicle):
-    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-    from fullam.simulation.compiled import engine
-    from fullam.simulation.compiled.arrays import job_of
-
-    flown = plan(vehicle, weather)
-
-    def prepare():
-        job = job_of(flown)
-        return lambda: engine.fly_job(flown, job)
-
-    name = f"compiled, {vehicle}, {'all realism' if weather == 'paper' else weather}"
-    closed_loop(benchmark, meter, prepare, flown, name, 60.0, 80.0)
+@pytest.mark.parametrize("weather", ["all realism", "calm"])
+def test_loop(benchmark, meter, steps, weather, vehicle):
+    """The loop alone, weather and vehicle drawn before."""
+    flown = workloads.plan(vehicle, steps, weather=CALM if weather == "calm" else None)
+    fleet = workloads.Fleet(flown, lanes=0)
+    row = flight_row(f"fused, the loop alone, {vehicle}, {weather}")
+    meter.measure(benchmark, lambda: fleet.fly, steps, flown.nominal, row, rounds=15)
 
 
-@pytest.mark.benchmark(timer=time.process_time)
-@pytest.mark.parametrize("engine", ["reference", "compiled"])
-def test_simulate(benchmark, meter, engine):
-    """What a user waits for: tables, weather and true vehicle included."""
-    if engine == "compiled":
-        pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-    flown, steps = plan("fullam"), 4000
-    scenario = replace(flown.scenario, duration=0.001 * (steps - 1))
+@pytest.mark.parametrize("vehicle", workloads.VEHICLES)
+def test_from_plan_to_record(benchmark, meter, steps, vehicle):
+    flown = workloads.plan(vehicle, steps)
 
     def work():
-        run = simulate(scenario, simulation=flown.simulation, engine=engine)
+        assert len(fused.fly(flown.with_seed(1))) == steps
+
+    row = flight_row(f"fused, from plan to record, {vehicle}")
+    meter.measure(benchmark, lambda: work, steps, flown.nominal, row, rounds=15)
+
+
+@pytest.mark.parametrize("driver", ["python", "fused"])
+@pytest.mark.parametrize("seconds", [1, 4])
+def test_simulate(benchmark, meter, smoke, seconds, driver):
+    """What a user waits for: tables, weather and true vehicle included."""
+    steps = 40 if smoke else 1000 * seconds
+    flown = workloads.plan(steps=steps)
+
+    def work():
+        run = simulate(
+            flown.scenario,
+            vehicle=flown.nominal,
+            simulation=flown.simulation,
+            driver=driver,
+        )
         assert len(run) == steps
 
-    name = f"simulate() of 4 s, {'numpy' if engine == 'reference' else engine}, fullam"
-    closed_loop(benchmark, meter, lambda: work, flown, name, steps=steps)
-
-
-def fly_share(seeds: list[int]) -> int:
-    """One worker's share of a campaign in Python, records included."""
-    fly = fly_under_seeds(plan("fullam"))
-    for seed in seeds:
-        fly(seed)
-    return len(seeds)
-
-
-def sweep_share(seeds: list[int]) -> int:
-    """One worker's share of a campaign as `fullam sweep` flies it: records, figures, rows."""
-    flown = plan("fullam")
-    some = Campaign(
-        (flown.scenario,),
-        ("dc-pid",),
-        tuple(seeds),
-        weather=flown.weather,
-        simulation=flown.simulation,
-        engine="compiled",
-    )
-    return len(some.fly(some.keys))
-
-
-def in_processes(share, count, then):
-    """Call `then` with a function that has `WORKERS` processes do their shares of `count` seeds."""
-    shares = [list(range(w, count, WORKERS)) for w in range(WORKERS)]
-    # Spawned and warmed up, as a campaign's workers are.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
-        list(pool.map(share, [[0]] * WORKERS))
-        then(lambda: list(pool.map(share, shares)))
-
-
-def campaign(benchmark, meter, work, flights, name, must, aim, rounds=3):
-    """Complete a row about a campaign, by the clock."""
-    row = Row(
-        f"Campaign of 1000-step flights on {WORKERS} cores, by the clock",
-        f"{name}, {flights} flights",
-        0.0,
-        must=must,
-        aim=aim,
-        unit="us",
-    )
-    benchmark.pedantic(work, rounds=rounds, warmup_rounds=1)
-    if not benchmark.enabled:
-        return
-    row.us = row.value = statistics.median(benchmark.stats.stats.data) / (flights * STEPS) * 1e6
-    meter.add(benchmark, row)
-
-
-@pytest.mark.benchmark(timer=time.perf_counter)
-def test_campaign_in_processes(benchmark, meter, flights):
-    count = max(WORKERS, flights // 5)
-
-    def measure(work):
-        campaign(benchmark, meter, work, count, "numpy, processes, with records", 30.0, 26.0)
-
-    in_processes(fly_share, count, measure)
-
-
-@pytest.mark.benchmark(timer=time.perf_counter)
-def test_campaign_compiled(benchmark, meter, flights):
-    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-    from fullam.simulation.compiled.batch import fly_seeds
-
-    def work():
-        for flown in fly_seeds(plan("fullam"), range(flights), threads=WORKERS):
-            assert flown.rows == STEPS
-
-    campaign(benchmark, meter, work, flights, "compiled, threads, the flights", 1.0, 0.57)
-
-
-@pytest.mark.benchmark(timer=time.perf_counter)
-def test_sweep_compiled(benchmark, meter, flights):
-    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-
-    def measure(work):
-        name = "compiled, processes, with records and figures"
-        campaign(benchmark, meter, work, flights, name, None, None)
-
-    in_processes(sweep_share, flights, measure)
+    row = flight_row(f"{driver}, simulate() of {seconds} s, from scenario to record, fullam")
+    if driver == "fused" and seconds == 4:
+        row.must, row.aim = 3.0, 2.0
+        row.promise = "one flight, fused, scalar, with record and tables, 1 kHz, a step"
+    rounds = 3 if driver == "python" else 15
+    meter.measure(benchmark, lambda: work, steps, flown.nominal, row, rounds=rounds)

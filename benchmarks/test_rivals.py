@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 import warnings
 import xml.etree.ElementTree as ET
@@ -10,68 +9,20 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 import workloads
-from meter import Row
+from meter import Row, processor_time
 
-from fullam.control.controller import ReferencePoint
+from fullam.numbers.program import program
 from fullam.simulation.flight import Flight
-from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.weather import CALM
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 
 STEPS = 200
 
 
-def against(benchmark, meter, rival, ours, row, rounds=9):
-    """Time a rival and ours in alternating bursts of STEPS calls; the value is the ratio.
-
-    Args:
-        benchmark: The fixture; it times ours.
-        meter: Where the row goes.
-        rival: Called before each round, untimed; returns the rival's burst.
-        ours: The same for ours.
-        row: The row; `us` becomes our time, and its note the rival's.
-        rounds: How many rounds.
-    """
-    rivals = []
-
-    def setup():
-        work = rival()
-        start = time.process_time()
-        work()
-        rivals.append((time.process_time() - start) / STEPS)
-        return (ours(),), {}
-
-    benchmark.pedantic(lambda work: work(), setup=setup, rounds=rounds, warmup_rounds=1)
-    if not benchmark.enabled:
-        return
-    times = [t / STEPS for t in benchmark.stats.stats.data]
-    pairs = list(zip(rivals[-len(times) :], times, strict=True))
-    row.us = statistics.median(times) * 1e6
-    row.value, row.unit = statistics.median(theirs / t for theirs, t in pairs), "x"
-    row.note = f"it takes {statistics.median(theirs for theirs, _ in pairs) * 1e6:.1f} us"
-    meter.add(benchmark, row)
-
-
-def numpy_loop(plan):
-    """A burst of our controller and one step of the plant, in Python: what rotorpy does."""
-    flight = Flight(plan)
-    tick, plant, reference = flight.tick, flight.plant, plan.reference
-    m, point = flight.measurement, ReferencePoint()
-    flight.controller.reset(m, point)
-
-    def work():
-        for k in range(STEPS):
-            m.q[:], m.v[:] = plant.q, plant.v
-            point.pose, point.velocity = reference.pose[k], reference.velocity[k]
-            point.acceleration = reference.acceleration[k]
-            plant.advance(tick.speeds(0.0, m, point), None, 1)
-
-    return work
-
-
-def numpy_flight(plan):
-    """A burst of our flight in Python: sensors, estimator and log besides."""
-    flight = Flight(plan)
+def python_flight(flown):
+    """A burst of our flight in Python: controller and plant, and sensors, estimator and record."""
+    flight = Flight(flown)
 
     def work():
         for _ in flight.ticks():
@@ -80,17 +31,9 @@ def numpy_flight(plan):
     return work
 
 
-def compiled_flight(plan):
-    """A burst of our flight as machine code, without the making of the record."""
-    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-    from fullam.simulation.compiled import entries
-    from fullam.simulation.compiled.arrays import job_of, log_of
-    from fullam.simulation.run import allocate_columns
-
-    job = job_of(plan)
-    columns = allocate_columns(plan.t.size, plan.nominal.n_arm, plan.nominal.rotors.count)
-    log = log_of(columns)
-    return lambda: entries.fly(job, log, 0, STEPS, STEPS - 1)
+def fused_flight(flown):
+    """The same by machine code."""
+    return workloads.Fleet(flown, lanes=0).fly
 
 
 def rotorpy_flight():
@@ -138,20 +81,15 @@ def rotorpy_flight():
     return work
 
 
-@pytest.mark.parametrize(
-    ("ours", "name", "bounded"),
-    [
-        (numpy_loop, "controller and step, numpy", True),
-        (numpy_flight, "and sensors, estimator, log, numpy", False),
-        (compiled_flight, "and sensors, estimator, log, compiled", True),
-    ],
-)
-def test_against_rotorpy(benchmark, meter, ours, name, bounded):
-    plan = workloads.plan("fullam", 0.001 * STEPS)
-    must, aim = (30.0, 70.0) if bounded else (None, None)
-    group = "Against rotorpy: its controller and its step by RK45, 1 kHz (ours: arm, allocation)"
-    row = Row(group, name, 0.0, must=must, aim=aim, unit="x")
-    against(benchmark, meter, rotorpy_flight, lambda: ours(plan), row)
+@pytest.mark.parametrize(("ours", "name"), [(python_flight, "python"), (fused_flight, "fused")])
+def test_against_rotorpy(benchmark, meter, smoke, ours, name):
+    flown = workloads.plan(steps=STEPS)
+    group = "Against rotorpy, its controller and its step by RK45, 1 kHz"
+    row = Row(group, f"{name}, arm, allocation, sensors, estimator, record", 0.0, unit="x")
+    if name == "fused":
+        row.must, row.aim = 30.0, 70.0
+    rival = rotorpy_flight()
+    meter.against(benchmark, lambda: processor_time(rival, STEPS), lambda: ours(flown), STEPS, row)
 
 
 def mujoco_steps(vehicle, arm):
@@ -171,9 +109,10 @@ def mujoco_steps(vehicle, arm):
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model = spec.compile()
     data = mujoco.MjData(model)
-    data.qpos[7:] = arm
 
     def work():
+        mujoco.mj_resetData(model, data)
+        data.qpos[7:] = arm
         step = mujoco.mj_step
         for _ in range(STEPS):
             step(model, data)
@@ -183,48 +122,42 @@ def mujoco_steps(vehicle, arm):
 
 @pytest.mark.parametrize("vehicle", workloads.VEHICLES)
 @pytest.mark.parametrize(
-    ("engine", "rule"),
+    ("driver", "rule"),
     [
-        ("numpy", "semi-implicit-euler"),
-        ("compiled", "semi-implicit-euler"),
-        ("compiled", "midpoint"),
+        ("python", "midpoint"),
+        ("fused", "semi-implicit-euler"),
+        ("fused", "midpoint"),
+        ("8 lanes", "midpoint"),
     ],
 )
-def test_against_mujoco(benchmark, meter, engine, rule, vehicle):
-    simulation = SimulationSettings(control_period=0.001, integrator=rule)
-    plan = workloads.plan(vehicle, 0.001 * STEPS, simulation=simulation)
+def test_against_mujoco(benchmark, meter, driver, rule, vehicle):
+    flown = workloads.plan(vehicle, STEPS + 1, weather=CALM, integrator=rule)
     row = Row(
         "Against MuJoCo's Euler step of the same vehicle (its joints free, ours prescribed)",
-        f"{engine}, {rule}, {vehicle}",
+        f"{driver}, {rule}, {vehicle}",
         0.0,
-        must=1.0 if engine == "compiled" else None,
-        aim=2.0 if engine == "compiled" else None,
+        must=1.0 if driver == "fused" else None,
+        aim=2.0 if driver == "fused" else None,
         unit="x",
     )
+    calls = STEPS
 
     def ours():
-        if engine == "compiled":
-            pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-            from fullam.simulation.compiled import entries
-            from fullam.simulation.compiled.arrays import job_of
-
-            job = job_of(plan)
+        """The plant's stage of every period in turn, from a flight's end on."""
+        if driver == "python":
+            flight = Flight(flown)
+            move, view = flight.stages["move"]
 
             def work():
-                step, craft, arm = entries.step, job.craft, job.tables.arm
-                state, speeds, gusts = job.state, job.speeds, job.draw.gusts
                 for k in range(STEPS):
-                    step(*craft, arm, 2 * k, state, speeds, gusts)
+                    move(view, k)
 
             return work
-        plant = Flight(plan).plant
-        commands = plant.speeds * 1.01
+        fleet = workloads.Fleet(flown, 0 if driver == "fused" else 8)
+        alone = program([fleet.blocks[0].stages()["move"]])
+        return lambda: alone.run(0, STEPS)
 
-        def work_in_python():
-            for _ in range(STEPS):
-                plant.advance(commands, None, 1)
-
-        return work_in_python
-
-    theta = plan.arm.theta[0]
-    against(benchmark, meter, lambda: mujoco_steps(plan.nominal, theta), ours, row)
+    if driver == "8 lanes":
+        calls *= 8
+    rival = mujoco_steps(flown.nominal, flown.arm.theta[0])
+    meter.against(benchmark, lambda: processor_time(rival, STEPS), ours, calls, row)

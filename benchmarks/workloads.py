@@ -1,28 +1,37 @@
-"""What is timed: states along flights, so that nothing timed is frozen."""
+"""What is timed: flights of a plan, and states along flights, so that nothing timed is frozen."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pytest
 
+from fullam.analysis.asked_motion import AskedMotion
+from fullam.analysis.judge import Judge
+from fullam.analysis.metrics import noise_floors, rows_of
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Measurement, ReferencePoint
 from fullam.control.controllers import make_controller
 from fullam.control.tick import ControlTick
+from fullam.dynamics.so3 import rotation_matrix
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
+from fullam.simulation import fused
 from fullam.simulation.arm_motion import SineRate
-from fullam.simulation.flight import Flight
+from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.fused import Fused
+from fullam.simulation.many import LANES, fly_blocks
 from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.scenario import AXES, Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare
+from fullam.simulation.tables import Tables
 from fullam.simulation.weather import CALM, PAPER, Weather
 
 VEHICLES = ("fullam", "hextilt")
@@ -51,31 +60,112 @@ STRETCH_EVERY = 235
 
 
 def plan(
-    vehicle: Vehicle | str,
-    duration: float,
-    controller: str = "dc-pid",
-    weather: Weather = CALM,
-    simulation: SimulationSettings = KILOHERTZ,
+    vehicle: Vehicle | str = "fullam",
+    steps: int = 1000,
+    law: str = "dc-pid",
+    estimator: str = "first-order",
+    weather: Weather | None = None,
+    integrator: str = "midpoint",
     hover: bool = False,
 ) -> FlightPlan:
     """Once round a level circle of 1 m in 8 s while the arm's last joint but one swings.
 
     A vehicle whose rotors cannot do that hovers in height and attitude; so do all with `hover`.
+
+    Args:
+        vehicle: The vehicle, or its name.
+        steps: Control periods, of 1 ms, as the plant's steps.
+        law: Name of the law.
+        estimator: Name of the estimator.
+        weather: The paper's if None, as far as the vehicle can bear it.
+        integrator: Name of the plant's integrator.
+        hover: Hover on the spot.
     """
     if isinstance(vehicle, str):
         vehicle = load_vehicle(vehicle)
     mask = controllable_axes(vehicle.rotors)
     start = (1.0, 0.0, 2.0)
+    joint = max(1, vehicle.n_arm - 1)
+    swing = {"arm_motion": SineRate(joint=joint, rate=0.5, frequency=1.0)}
     scenario = Scenario(
         name=f"benchmark of {vehicle.name}",
         initial_position=start,
         reference=Step(start) if hover or not all(mask) else Circle((0.0, 0.0, 2.0), 1.0, 8.0),
-        arm_motion=SineRate(joint=max(1, vehicle.n_arm - 1), rate=0.5, frequency=1.0),
-        duration=duration,
+        duration=0.001 * (steps - 1),
         axes=tuple(axis for axis, good in zip(AXES, mask, strict=True) if good),
-        weather=weather,
+        weather=weather or WEATHERS.get(vehicle.name, PAPER),
+        **(swing if vehicle.n_arm else {}),
     )
-    return prepare(scenario, controller, vehicle=vehicle, simulation=simulation)
+    simulation = replace(KILOHERTZ, estimator=estimator, integrator=integrator)
+    return prepare(scenario, law, vehicle=vehicle, simulation=simulation)
+
+
+class Fleet:
+    """Blocks of a plan, one a thread, whose weather and true vehicles are drawn beforehand.
+
+    Attributes:
+        steps: Control periods that one `fly` flies, over all flights.
+        blocks: What each thread flies.
+    """
+
+    def __init__(
+        self, flown: FlightPlan, lanes: int = LANES, threads: int = 1, keep: Keep = "record"
+    ) -> None:
+        """Compile, and draw; lanes=0 flies one flight at a time, as scalars."""
+        tables, width = Tables(flown), max(lanes, 1)
+        self._fused = [Fused(tables, lanes, keep) for _ in range(threads)]
+        self.blocks = [fused.block for fused in self._fused]
+        for i, block in enumerate(self.blocks):
+            block.draw(range(i * width, (i + 1) * width))
+        self.steps = threads * width * tables.periods
+        self._pool = ThreadPoolExecutor(threads)
+        self.fly()  # starts the threads
+        for block in self.blocks:
+            outcomes = {block.ending(lane)[1] for lane in range(width)}
+            if outcomes != {"completed"}:
+                raise AssertionError(f"the flights of {flown.controller} ended {outcomes}")
+
+    def fly(self) -> None:
+        """Fly all blocks once, side by side."""
+        if len(self._fused) == 1:
+            self._fused[0].fly()
+        else:
+            list(self._pool.map(Fused.fly, self._fused))
+
+    @property
+    def saturated(self) -> float:
+        """Share of the recorded control periods whose wrench was out of reach."""
+        return float(np.mean([block.entries["saturated"].mean() for block in self.blocks]))
+
+
+def judge_of(flown: FlightPlan) -> Judge:
+    """How the flights of a plan are judged."""
+    return Judge(
+        AskedMotion.of(flown.t, flown.asked.pose, np.array(flown.scenario.initial_pose)),
+        np.array(flown.scenario.axes_mask),
+        noise_floors(flown.weather),
+        flown.nominal.mass * flown.nominal.gravity,
+    )
+
+
+def judging(judge: Judge, block: Block) -> Callable[[Sequence[int]], list[dict[str, Any]]]:
+    """A function from the seeds that a block has flown to their rows, as a campaign keeps them."""
+    of_track = judge.over(block.track)
+
+    def rows(some: Sequence[int]) -> list[dict[str, Any]]:
+        flown, outcomes = zip(*(block.ending(lane) for lane in range(len(some))), strict=True)
+        return rows_of(of_track.figures(flown, [outcome == "diverged" for outcome in outcomes]))
+
+    return rows
+
+
+def fly_judged(flown: FlightPlan, flights: int, threads: int) -> Iterator[dict[str, Any]]:
+    """A plan under many seeds, as a campaign flies it: drawn, flown and judged; a row a flight."""
+    judge = judge_of(flown)
+    blocks = fly_blocks(
+        flown, range(flights), lambda b: judging(judge, b), keep="track", threads=threads
+    )
+    return itertools.chain.from_iterable(blocks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +179,7 @@ class Bank:
 
     @property
     def pairs(self) -> list[tuple[Measurement, ReferencePoint]]:
-        """What the controller is told, tick by tick."""
+        """What the law is told, tick by tick."""
         return list(zip(self.measurements, self.references, strict=True))
 
     @property
@@ -97,16 +187,30 @@ class Bank:
         """Ticks of a burst."""
         return LAPS * len(self.measurements)
 
-    def tick(self, controller: str, method: str = "ladder") -> ControlTick:
-        """A controller at 1 kHz with its allocator, before its first tick."""
-        law = make_controller(controller, self.vehicle, 0.001, self.axes)
-        law.reset(self.measurements[0], self.references[0])
-        return ControlTick(law, Allocator(self.vehicle.rotors, axes=self.axes, method=method))
+    def allocator(self, method: str = "ladder") -> Allocator:
+        """A fresh allocator."""
+        return Allocator(self.vehicle.rotors, axes=self.axes, method=method)
+
+    def tick(self, law: str = "dc-pid", compiled: bool = True) -> ControlTick:
+        """A law at 1 kHz with its allocator, before its first tick."""
+        controller = make_controller(law, self.vehicle, 0.001, self.axes)
+        return ControlTick(controller, self.allocator(), compiled)
+
+    def replay(self, tick: ControlTick) -> Callable[[], None]:
+        """A function that flies the bank through a tick, LAPS times."""
+        pairs = self.pairs * LAPS
+
+        def work() -> None:
+            speeds = tick.speeds
+            for m, point in pairs:
+                speeds(0.0, m, point)
+
+        return work
 
 
 def record(vehicle: Vehicle | str, hover: bool = False) -> Bank:
     """A bank from a calm flight around the circle, or hovering at a point."""
-    return bank_of(plan(vehicle, 0.001 * (SETTLED + BANK), hover=hover), (SETTLED,), BANK)
+    return bank_of(plan(vehicle, SETTLED + BANK, weather=CALM, hover=hover), (SETTLED,), BANK)
 
 
 def record_demanding(vehicle: str) -> Bank:
@@ -117,16 +221,15 @@ def record_demanding(vehicle: str) -> Bank:
     active set changes as it does in flight, from stretch to stretch altogether.
     """
     starts = tuple(range(SETTLED, SETTLED + 10 * STRETCH_EVERY, STRETCH_EVERY))
-    flown = plan(vehicle, 0.001 * (starts[-1] + BANK), weather=WEATHERS[vehicle])
-    rng = np.random.default_rng(0)
-    start = np.array([0.0, 0.0, 10.0])
+    flown = plan(vehicle, starts[-1] + BANK)
+    rng, center = np.random.default_rng(0), np.array([0.0, 0.0, 10.0])
     times = tuple(np.arange(0.0, flown.scenario.duration, 0.25).tolist())
     jumps = Waypoints(
         times,
-        tuple((rng.uniform(-3.0, 3.0, 3) + np.array([0.0, 0.0, 10.0])).tolist() for _ in times),
+        tuple((rng.uniform(-3.0, 3.0, 3) + center).tolist() for _ in times),
         tuple(rng.uniform(-60.0, 60.0, 3).tolist() for _ in times),
     )
-    scenario = replace(flown.scenario, initial_position=tuple(start), reference=jumps)
+    scenario = replace(flown.scenario, initial_position=tuple(center), reference=jumps)
     unblended = {"max_acceleration": None, "max_angular_acceleration": None}
     wide = replace(KILOHERTZ, max_position_error=50.0, max_attitude_error_deg=179.9)
     jumping = prepare(scenario, vehicle=flown.nominal, shaping=unblended, simulation=wide)
@@ -134,50 +237,17 @@ def record_demanding(vehicle: str) -> Bank:
 
 
 def bank_of(flown: FlightPlan, starts: tuple[int, ...], length: int) -> Bank:
-    """Fly a plan and keep what the controller is told in stretches of its ticks."""
-    flight, measurements, references = Flight(flown), [], []
-    wanted = {k for start in starts for k in range(start, start + length)}
-    for k in flight.ticks():
-        if k not in wanted:
-            continue
-        m, point = Measurement(flown.nominal), ReferencePoint()
-        m.q[:], m.v[:] = flight.measurement.q, flight.measurement.v
-        m.arm_acceleration[:] = flight.measurement.arm_acceleration
+    """Fly a plan and keep what the law is told in stretches of its ticks."""
+    run, measurements, references = fused.fly(flown), [], []
+    for k in itertools.chain.from_iterable(range(start, start + length) for start in starts):
+        m, point, row = Measurement(flown.nominal), ReferencePoint(), flown.arm_row(k)
+        pose, arm = run.measured_pose[k], flown.arm
+        R = np.reshape(rotation_matrix(pose[3:].tolist()), (3, 3))
+        m.q[:7], m.q[7:] = pose, arm.theta[row]
+        m.v[:6] = (run.measured_velocity[k].reshape(2, 3) @ R).ravel()
+        m.v[6:], m.arm_acceleration[:] = arm.dtheta[row], arm.ddtheta[row]
         point.pose, point.velocity = flown.reference.pose[k], flown.reference.velocity[k]
         point.acceleration = flown.reference.acceleration[k]
         measurements.append(m)
         references.append(point)
     return Bank(flown.nominal, flown.scenario.axes_mask, measurements, references)
-
-
-def replay(tick: ControlTick, states: Bank) -> Callable[[], None]:
-    """A function that flies the bank through a tick, LAPS times."""
-    pairs = states.pairs * LAPS
-
-    def work() -> None:
-        speeds = tick.speeds
-        for m, point in pairs:
-            speeds(0.0, m, point)
-
-    return work
-
-
-def compiled_replay(tick: Any, states: Bank) -> Callable[[], None]:
-    """The same for a compiled tick."""
-    pairs = states.pairs * LAPS
-
-    def work() -> None:
-        speeds = tick.speeds
-        for m, point in pairs:
-            speeds(m, point)
-
-    return work
-
-
-def compiled_tick(states: Bank, controller: str) -> Any:
-    """A compiled tick; skips the test without numba."""
-    pytest.importorskip("numba", reason="numba is not installed (fullam[fast])")
-    from fullam.simulation.compiled.tick import CompiledTick
-
-    tick = states.tick(controller)
-    return CompiledTick(tick.controller, tick.allocator)

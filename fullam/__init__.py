@@ -26,7 +26,6 @@ from fullam.simulation.scenario import (
 )
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
-from fullam.viz.viewer import explore, view
 
 if TYPE_CHECKING:
     from fullam.analysis.metrics import Metrics, measure
@@ -41,6 +40,8 @@ if TYPE_CHECKING:
     from fullam.simulation.settings import SimulationSettings
     from fullam.simulation.shaping import Shaping
     from fullam.simulation.simulate import prepare, simulate
+    from fullam.viz.viewer.view import view
+    from fullam.viz.viewer.widgets import explore
 
 LATER = {
     "fullam.analysis.metrics": ("Metrics", "measure"),
@@ -55,6 +56,8 @@ LATER = {
     "fullam.simulation.settings": ("SimulationSettings",),
     "fullam.simulation.shaping": ("Shaping",),
     "fullam.simulation.simulate": ("prepare", "simulate"),
+    "fullam.viz.viewer.view": ("view",),
+    "fullam.viz.viewer.widgets": ("explore",),
 }
 """Modules that are imported when a name of theirs is asked for: a help text flies nothing."""
 

@@ -108,19 +108,19 @@ def test_run_json_is_only_json_and_equals_the_library(fullam, scenario, tmp_path
         assert key in data
 
 
-def test_both_engines_fly_from_the_command_line(fullam, scenario):
+def test_both_drivers_fly_from_the_command_line(fullam, scenario):
     pytest.importorskip("numba", reason="the extra 'fast' is not installed")
     said = {}
-    for engine in ("reference", "compiled"):
-        code, out, _ = fullam("run", scenario(SHORT), "--engine", engine, "--json")
+    for driver in ("python", "fused"):
+        code, out, _ = fullam("run", scenario(SHORT), "--driver", driver, "--json")
         assert code == OK
-        said[engine] = json.loads(out)
-        assert said[engine]["engine"] == engine
-    one, other = (said[engine]["rms_position_mm"] for engine in said)
+        said[driver] = json.loads(out)
+        assert said[driver]["driver"] == driver
+    one, other = (said[driver]["rms_position_mm"] for driver in said)
     assert one == pytest.approx(other, rel=1e-9)
-    code, _, err = fullam("run", scenario(SHORT), "--engine", "steam")
+    code, _, err = fullam("run", scenario(SHORT), "--driver", "steam")
     assert code == USAGE
-    assert "compiled" in err
+    assert "fused" in err
 
 
 def test_options_reach_the_flight(fullam, scenario, tmp_path):
@@ -386,3 +386,14 @@ def test_reader_that_stops_early_is_no_error():
         text=True,
     )
     assert (done.returncode, done.stdout, done.stderr) == (OK, "scenarios\n", "")
+
+
+def test_what_is_out_of_reach_is_told_before_take_off(fullam, tmp_path):
+    steep = tmp_path / "steep.toml"
+    steep.write_text(
+        SHORT.replace("position = [0.1", "euler_deg = [45.0, 0.0, 0.0]\nposition = [0.1")
+    )
+    err = fullam("run", steep, "--calm")[2]
+    assert "out of reach: at" in err
+    assert "deg short" in err
+    assert fullam("run", "task-2", "--calm")[2] == ""

@@ -8,12 +8,12 @@ import pytest
 pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 
 from fullam.analysis import campaign, reproduce, tuning
-from fullam.analysis.campaign_store import read_campaign
+from fullam.analysis.campaign_table import read_campaign
 from fullam.cli import main
 from fullam.simulation.scenario import load_scenario, register_scenario
 
 SHORT = register_scenario(replace(load_scenario("position-1"), name="short-cli", duration=0.5))
-SWEEP = ["sweep", "short-cli", "--runs", "2", "--engine", "reference"]
+SWEEP = ["sweep", "short-cli", "--runs", "2", "--driver", "python"]
 
 
 def test_a_sweep_prints_medians_and_keeps_rows(tmp_path, capsys):
@@ -30,7 +30,7 @@ def test_a_sweep_in_json_is_json_alone(tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data["flights"] == 2
     assert data["summary"][0]["median"]["rms_position_mm"] > 0.0
-    assert set(data["engines"].values()) == {"reference"}
+    assert set(data["drivers"].values()) == {"python"}
 
 
 def test_no_gusts_means_no_gusts(tmp_path):
@@ -42,7 +42,7 @@ def test_no_gusts_means_no_gusts(tmp_path):
 
 
 def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, capsys, monkeypatch):
-    def interrupt(self, key):
+    def interrupt(self, keys, threads):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(campaign.Campaign, "fly", interrupt)

@@ -135,8 +135,11 @@ class Campaign:
         key = (scenario.name, contender.label)
         if key not in self._plans:
             simulation = self.simulation
-            if contender.estimator is not None:
-                simulation = replace(simulation, estimator=contender.estimator)
+            if contender.estimator not in (None, simulation.estimator):
+                # The campaign's settings are those of its own estimator.
+                simulation = replace(
+                    simulation, estimator=contender.estimator, estimator_settings={}
+                )
             self._plans[key] = prepare(
                 scenario,
                 contender.controller,

@@ -7,36 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
-from fullam.control.allocation import Allocator
-from fullam.control.box_qp import BoxLeastSquares
-from fullam.exceptions import FullamError, VehicleError
+from fullam.analysis.atlas.envelope import Envelope
+from fullam.analysis.atlas.failures import Atlas
+from fullam.analysis.atlas.rays import multiples
 from fullam.model.joints import ArmJoints
-from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import AXES, RANK_TOLERANCE, controllable_axes, full_scale
 
 Array = NDArray[np.float64]
 
-SUPPORT_TOLERANCE = 1e-4
-"""Wrench error, as a share of the weight, up to which a wrench counts as delivered.
-
-It is what parallel rotors read from a URDF miss parallelism by, and costs 0.006 deg of tilt.
-"""
-
-TILT_STEP = 5.0
-"""Step of the first search for the largest tilt [deg].
-
-Forces within reach form a convex set: between two tilts 5 deg apart that can be held, at most
-0.1 % of the weight can be missing, so no limit is stepped over.
-"""
-
-TILT_RESOLUTION = 0.01
-"""Where the bisection of the largest tilt stops [deg]."""
-
 DIRECTIONS = 72
-"""Tilt directions tried, evenly about the vertical."""
+"""Azimuths of the tilt rose that the report carries; worst and best are exact without it."""
 
 Row = tuple[str, str, str]
 
@@ -61,10 +43,23 @@ class Capability:
         total_thrust_to_weight: Sum of the rotors' largest thrusts over the weight.
         hover_wrench: Rotor wrench that holds the vehicle level, in {A}, shape (6,) [N, N m].
         can_hover: Whether the rotors deliver it.
-        hover_speeds: Rotor speeds for it, shape (n,) [rad/s].
+        hover_speeds: Rotor speeds for it, shape (n,) [rad/s]; NaN if they cannot.
         hover_shares: The same as shares of the largest speeds, shape (n,); 0 for failed rotors.
+        hover_efficiency: Weight over the least sum of thrusts that hold it.
         tilt_directions: Azimuth of the body's up vector seen from {A}, shape (m,) [rad].
-        hover_tilts: Largest tilt at which it still hovers, per direction, shape (m,) [rad].
+        hover_tilts: First exit from level per direction, shape (m,) [rad]; NaN without hover.
+        worst_hover_tilt: The tilt that it can hold in every direction [rad], exactly; None if it
+            cannot hover level.
+        worst_azimuth: Where to it can lean no farther [rad].
+        best_hover_tilt: The tilt that it can hold in the most favourable direction [rad].
+        level_force: Horizontal force in any direction while level [N].
+        push: Force of the tool in any direction while level [N].
+        moment: Moment about any axis while level [N m].
+        margin: Radius of the ball of wrenches about level hover [N], moments over
+            `margin_length`.
+        margin_length: What turns moments into forces there [m].
+        payload: Mass at the tool with which hover ends [kg].
+        failed_tilts: The worst tilt with rotor 1, 2, ... stopped; None where it cannot hover.
     """
 
     vehicle: str
@@ -83,24 +78,23 @@ class Capability:
     can_hover: bool
     hover_speeds: Array
     hover_shares: Array
+    hover_efficiency: float
     tilt_directions: Array
     hover_tilts: Array
-
-    @property
-    def worst_hover_tilt(self) -> float:
-        """Largest tilt that it can hold in every direction [rad]."""
-        return float(self.hover_tilts.min())
-
-    @property
-    def best_hover_tilt(self) -> float:
-        """Largest tilt that it can hold in the most favourable direction [rad]."""
-        return float(self.hover_tilts.max())
+    worst_hover_tilt: float | None
+    worst_azimuth: float | None
+    best_hover_tilt: float | None
+    level_force: float
+    push: float
+    moment: float
+    margin: float
+    margin_length: float
+    payload: float
+    failed_tilts: tuple[float | None, ...]
 
     def rows(self) -> list[Row]:
         """The report, as (label, value, unit)."""
-        worst = np.rad2deg(self.tilt_directions[self.hover_tilts.argmin()])
         values = " ".join(f"{value:.3f}" for value in self.singular_values)
-        speeds, shares = self.hover_speeds, 100.0 * self.hover_shares
         rows: list[Row] = [
             ("mass", f"{self.mass:.3f}", "kg"),
             ("rotors", str(self.n_rotors), ""),
@@ -112,14 +106,32 @@ class Capability:
             ("thrust to weight, straight up", f"{self.thrust_to_weight:.2f}", ""),
             ("thrust to weight, sum of rotors", f"{self.total_thrust_to_weight:.2f}", ""),
             ("hovers level", "yes" if self.can_hover else "NO", ""),
+        ]
+        if self.can_hover:
+            rows += self._hover_rows()
+        return rows + [("note" if self.can_hover else "problem", text, "") for text in self.limits]
+
+    def _hover_rows(self) -> list[Row]:
+        worst, best = self.worst_hover_tilt or 0.0, self.best_hover_tilt or 0.0
+        speeds, shares = self.hover_speeds, 100.0 * self.hover_shares
+        rows: list[Row] = [
             ("hover rotor speeds", f"{speeds.min():.0f} to {speeds.max():.0f}", "rad/s"),
             ("share of the largest speeds", f"{shares.min():.0f} to {shares.max():.0f}", "%"),
-            ("hover tilt, every direction", f"{np.rad2deg(self.worst_hover_tilt):.1f}", "deg"),
-            ("hover tilt, best direction", f"{np.rad2deg(self.best_hover_tilt):.1f}", "deg"),
+            ("hover efficiency", f"{self.hover_efficiency:.3f}", "weight over thrusts"),
+            ("hover tilt, every direction", f"{np.rad2deg(worst):.1f}", "deg"),
+            ("hover tilt, best direction", f"{np.rad2deg(best):.1f}", "deg"),
+            ("level force, every direction", f"{self.level_force:.1f}", "N"),
+            ("tool push, every direction", f"{self.push:.1f}", "N"),
+            ("moment, every axis", f"{self.moment:.2f}", "N m"),
+            ("margin about hover", f"{self.margin:.2f}", f"N, or per {self.margin_length:.2f} m"),
+            ("payload at which hover ends", f"{self.payload:.2f}", "kg"),
         ]
-        if self.best_hover_tilt - self.worst_hover_tilt > np.deg2rad(0.1):
-            rows.insert(-1, ("  least towards azimuth", f"{worst:.0f}", "deg"))
-        return rows + [("note" if self.can_hover else "problem", text, "") for text in self.limits]
+        if best - worst > np.deg2rad(0.1):
+            azimuth = np.rad2deg(self.worst_azimuth or 0.0) % 360.0
+            rows.insert(-5, ("  least towards azimuth", f"{azimuth:.0f}", "deg"))
+        held = [tilt for tilt in self.failed_tilts if tilt is not None]
+        rows.append(("hovers with one rotor stopped", f"{len(held)} of {self.n_rotors}", ""))
+        return rows
 
     def _arm_row(self) -> Row:
         typed, units = self.joints.to_typed(self.arm), self.joints.units
@@ -149,8 +161,17 @@ class Capability:
             "hover_wrench_A": self.hover_wrench.tolist(),
             "hover_speeds_rad_s": self.hover_speeds.tolist(),
             "hover_shares": self.hover_shares.tolist(),
-            "worst_hover_tilt_deg": float(np.rad2deg(self.worst_hover_tilt)),
-            "best_hover_tilt_deg": float(np.rad2deg(self.best_hover_tilt)),
+            "hover_efficiency": self.hover_efficiency,
+            "worst_hover_tilt_deg": _degrees(self.worst_hover_tilt),
+            "worst_azimuth_deg": _degrees(self.worst_azimuth),
+            "best_hover_tilt_deg": _degrees(self.best_hover_tilt),
+            "level_force_N": self.level_force,
+            "push_N": self.push,
+            "moment_Nm": self.moment,
+            "margin_N": self.margin,
+            "margin_length_m": self.margin_length,
+            "payload_kg": self.payload,
+            "failed_tilts_deg": [_degrees(tilt) for tilt in self.failed_tilts],
         }
 
 
@@ -170,79 +191,6 @@ def gravity_wrench(vehicle: Vehicle, theta: ArrayLike | None = None) -> tuple[Ar
     return wrench, np.array(pin.centerOfMass(vehicle.model, data, q))
 
 
-def largest_multiple(rotors: Rotors, wrench_A: Array, axes: ArrayLike | None = None) -> float:
-    """Largest t with t wrench_A within reach: max t s.t. B u = t w, 0 <= u <= 1 (a linear program).
-
-    Args:
-        rotors: The rotors.
-        wrench_A: Direction w, shape (6,), not zero.
-        axes: Mask of the axes that must match; all by default.
-    """
-    mask = np.ones(6, dtype=bool) if axes is None else np.asarray(axes, dtype=bool)
-    scale = full_scale(rotors)
-    system = np.column_stack([rotors.normalized_coupling, -wrench_A]) / scale[:, None]
-    cost = np.zeros(rotors.count + 1)
-    cost[-1] = -1.0
-    bounds = [(0.0, 1.0)] * rotors.count + [(0.0, None)]
-    found = linprog(cost, A_eq=system[mask], b_eq=np.zeros(int(mask.sum())), bounds=bounds)
-    if found.status != 0:  # u = 0, t = 0 is feasible, and t is bounded if w is not zero
-        raise FullamError(f"largest multiple of wrench {wrench_A.tolist()}: {found.message}")
-    return float(found.x[-1])
-
-
-class Support:
-    """Whether the rotors can hold a weight whose up vector points anywhere in {A}.
-
-    Holding it takes the force m g up_A through the centre of mass: wrench_A = [f, c x f].
-    """
-
-    def __init__(self, rotors: Rotors, weight: float, center_of_mass: Array) -> None:
-        """Prepare for one vehicle and arm pose; weight m g [N], centre of mass in {A} [m]."""
-        scale = full_scale(rotors)
-        self._box = BoxLeastSquares(
-            rotors.normalized_coupling,
-            1.0 / scale,
-            eps=1e-10,
-            prior=np.zeros(rotors.count),
-            upper=(rotors.max_speeds > 0).astype(float),
-        )
-        self._map = weight * np.vstack([np.eye(3), pin.skew(center_of_mass)])
-        self._tolerance = SUPPORT_TOLERANCE * weight / float(scale[0])
-
-    def holds(self, up_A: Array) -> bool:
-        """Whether the vehicle can hover with this unit vector of {A} pointing up."""
-        wrench = self._map @ up_A
-        self._box.solve(wrench)
-        self._box.kkt_residual(self._box.solution, wrench)
-        return float(np.linalg.norm(self._box.weighted_residual)) <= self._tolerance
-
-    def largest_tilt(self, azimuth: float) -> float:
-        """Largest tilt [rad] up to which every tilt towards an azimuth of {A} [rad] is held.
-
-        0 if it cannot hover level, pi if it hovers in any attitude on the way.
-        """
-
-        def holds_at(tilt: float) -> bool:
-            lateral = np.sin(tilt)
-            up = np.array([lateral * np.cos(azimuth), lateral * np.sin(azimuth), np.cos(tilt)])
-            return self.holds(up)
-
-        if not holds_at(0.0):
-            return 0.0
-        low = 0.0
-        for high in np.deg2rad(np.arange(TILT_STEP, 180.0 + TILT_STEP, TILT_STEP)):
-            if not holds_at(float(high)):
-                break
-            low = float(high)
-        else:
-            return float(np.pi)
-        top = low + float(np.deg2rad(TILT_STEP))
-        while top - low > np.deg2rad(TILT_RESOLUTION):
-            middle = 0.5 * (low + top)
-            low, top = (middle, top) if holds_at(middle) else (low, middle)
-        return low
-
-
 def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
     """Work out what a vehicle can do with its arm at rest in one pose.
 
@@ -253,30 +201,20 @@ def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
     Raises:
         VehicleError: If `theta` has not one entry per arm joint, or without gravity.
     """
-    if vehicle.gravity <= 0.0:
-        raise VehicleError(
-            f"vehicle '{vehicle.name}'",
-            "gravity",
-            f"is {vehicle.gravity:g}",
-            "hovering needs a weight; give a positive one",
-        )
-    rotors = vehicle.rotors
-    wrench, center = gravity_wrench(vehicle, theta)
-    weight = vehicle.mass * vehicle.gravity
+    rotors, atlas = vehicle.rotors, Atlas(vehicle)
+    envelope = atlas.envelope(theta)
+    wrench, _ = gravity_wrench(vehicle, theta)
     scaled = rotors.normalized_coupling / full_scale(rotors)[:, None]
     values = np.zeros(6)
     found = np.linalg.svd(scaled, compute_uv=False)
     values[: found.size] = found
     solid = values[values > RANK_TOLERANCE * values[0]]
     axes = controllable_axes(rotors)
-    support = Support(rotors, weight, center)
     azimuths = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
-    tilts = np.array([support.largest_tilt(float(azimuth)) for azimuth in azimuths])
-    can_hover = support.holds(np.array([0.0, 0.0, 1.0]))
-    speeds = np.zeros(rotors.count)
-    if any(axes):
-        speeds = Allocator(rotors, axes=axes, vehicle_name=vehicle.name).solve(wrench).speeds
-    ratio = largest_multiple(rotors, wrench, axes) if axes[2] else 0.0
+    shares = np.full(rotors.count, np.nan)
+    if envelope.hover_shares is not None:
+        shares = np.sqrt(envelope.hover_shares)
+    worst, best = envelope.worst_tilt, envelope.best_tilt
     return Capability(
         vehicle=vehicle.name,
         n_rotors=rotors.count,
@@ -287,15 +225,29 @@ def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
         rank=int(solid.size),
         condition_number=float(solid[0] / solid[-1]) if solid.size else float("inf"),
         axes=axes,
-        limits=_limits(axes, can_hover, ratio),
-        thrust_to_weight=ratio,
-        total_thrust_to_weight=float(rotors.max_thrusts.sum()) / weight,
+        limits=_limits(axes, envelope),
+        thrust_to_weight=envelope.thrust_to_weight,
+        total_thrust_to_weight=float(rotors.max_thrusts.sum()) / envelope.load.weight,
         hover_wrench=_frozen(wrench),
-        can_hover=can_hover,
-        hover_speeds=_frozen(speeds),
-        hover_shares=_frozen(speeds / np.where(rotors.max_speeds > 0, rotors.max_speeds, 1.0)),
+        can_hover=envelope.can_hover,
+        hover_speeds=_frozen(shares * rotors.max_speeds),
+        hover_shares=_frozen(shares),
+        hover_efficiency=envelope.hover_efficiency,
         tilt_directions=_frozen(azimuths),
-        hover_tilts=_frozen(tilts),
+        hover_tilts=_frozen(envelope.rose(azimuths)),
+        worst_hover_tilt=None if worst is None else worst[0],
+        worst_azimuth=None if worst is None else worst[1],
+        best_hover_tilt=None if best is None else best[0],
+        level_force=envelope.least_level_force,
+        push=envelope.least_push,
+        moment=envelope.least_moment,
+        margin=envelope.margin.value,
+        margin_length=envelope.length,
+        payload=envelope.payload,
+        failed_tilts=tuple(
+            None if each.worst_tilt is None else each.worst_tilt[0]
+            for each in atlas.after_failures(theta)
+        ),
     )
 
 
@@ -305,11 +257,20 @@ def _frozen(values: ArrayLike) -> Array:
     return owned
 
 
-def _limits(axes: tuple[bool, ...], can_hover: bool, ratio: float) -> tuple[str, ...]:
+def _degrees(angle: float | None) -> float | None:
+    return None if angle is None else float(np.rad2deg(angle))
+
+
+def _limits(axes: tuple[bool, ...], envelope: Envelope) -> tuple[str, ...]:
     limits = []
     missing = [name for name, good in zip(AXES, axes, strict=True) if not good]
-    if not can_hover:
-        why = f"it lifts {ratio:.2f} of its weight" if ratio < 1.0 else "its moments do not balance"
+    if not envelope.can_hover:
+        lifts = multiples(envelope.facets, envelope.hover_wrench)
+        why = "its forces and moments do not balance"
+        if lifts is not None and lifts[0] > 1.0:
+            why = f"at its least speeds it lifts {lifts[0]:.2f} of its weight"
+        elif lifts is not None and lifts[1] > 0.0:
+            why = f"it lifts {lifts[1]:.2f} of its weight"
         limits.append(f"cannot hover level: {why}")
     if "force x" in missing and "force y" in missing:
         limits.append("no lateral force: it must tilt to move sideways")

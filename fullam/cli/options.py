@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli.verbs import argument
+from fullam.exceptions import ScenarioError, SettingsError
 
 if TYPE_CHECKING:
     from fullam.simulation.settings import SimulationSettings
@@ -110,8 +111,6 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
         ScenarioError: Calm and another weather at once, a negative seed, or rates that do not
             divide each other.
     """
-    from fullam.exceptions import ScenarioError
-
     if arguments.calm and arguments.weather:
         raise ScenarioError("--calm", "weather", "is given as well", "give one of the two")
     if arguments.seed < 0:
@@ -133,7 +132,6 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
         SettingsError: A setting that it does not have, or a value of the wrong kind.
     """
     from fullam.control.controllers import make_settings
-    from fullam.exceptions import SettingsError
 
     try:
         return make_settings(controller, changes)

@@ -152,7 +152,11 @@ class Allocator:
         self.settled = True
 
     def problem(self, slots: int = STORE) -> AllocationProblem:
-        """The problem for the flights of one thread, as `Rows`: with a store of maps of its own."""
+        """The problem for the flights of one thread, as `Rows`, with a store of maps of its own.
+
+        Args:
+            slots: Size of the store, a prime; `box_qp.SMALL_STORE` for flights in Python.
+        """
         B, speeds = self.rotors.normalized_coupling, self.rotors.max_speeds
         return AllocationProblem(
             box=self._box.packed(slots),

@@ -37,8 +37,13 @@ from fullam.numbers.vectors import ZERO
 
 Array = NDArray[np.float64]
 
-STORE = 251
-"""Slots of the store of maps, a prime; half of them are used. A flight meets a few dozen sets."""
+STORE = 4001
+"""Slots of the store of maps, a prime; half of them are used. A flight meets a few dozen sets, one
+that saturates all the time two hundred; eight of them in lanes share a store, and a map that has to
+be computed again costs more than twenty answers."""
+
+SMALL_STORE = 251
+"""As above, for one flight in Python, where filling in lists takes longer than a map."""
 
 MOST_UNKNOWNS = 50
 """So that sums of 2^i are exact."""
@@ -83,7 +88,7 @@ def box_rows(unknowns: Rows, scales: Rows, slots: int = STORE) -> Box:
     )
 
 
-def box_lists(unknowns: Rows, scales: Rows, slots: int = STORE) -> Box:
+def box_lists(unknowns: Rows, scales: Rows, slots: int = SMALL_STORE) -> Box:
     """The same as Python reads it: lists, whose empty entries are one and the same."""
     n, nobody = len(unknowns.array), Held(0.0, 0.0)
     return Box(
@@ -99,7 +104,7 @@ def box_lists(unknowns: Rows, scales: Rows, slots: int = STORE) -> Box:
 
 
 def limit(n: int) -> int:
-    """Changes of the active set after which a search gives up; random problems of n unknowns took 4 n at most."""
+    """Changes of the active set after which a search gives up; random problems took 4 n at most."""
     return 100 + 20 * n
 
 

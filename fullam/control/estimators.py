@@ -15,7 +15,7 @@ from fullam.registry import Registry
 
 EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
 
-_REGISTRY: Registry[type[Estimator]] = Registry(
+ESTIMATORS: Registry[type[Estimator]] = Registry(
     "estimator", {cls.name: cls for cls in (FirstOrder, Kalman, Truth)}
 )
 
@@ -25,7 +25,7 @@ def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
 
     def add(cls: EstimatorType) -> EstimatorType:
         cls.name = name
-        _REGISTRY[name] = cls
+        ESTIMATORS[name] = cls
         return cls
 
     return add
@@ -33,7 +33,7 @@ def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
 
 def estimator_names() -> tuple[str, ...]:
     """Names of the registered estimators, sorted."""
-    return tuple(sorted(_REGISTRY))
+    return tuple(sorted(ESTIMATORS))
 
 
 def estimator_class(name: str) -> type[Estimator]:
@@ -42,7 +42,7 @@ def estimator_class(name: str) -> type[Estimator]:
     Raises:
         UnknownName: No such estimator; the message lists the known ones.
     """
-    return _REGISTRY[name]
+    return ESTIMATORS[name]
 
 
 def make_estimator_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:

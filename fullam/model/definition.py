@@ -25,7 +25,9 @@ TOP_KEYS = (
 )  # fmt: skip
 ARM_KEYS = ("joints", "urdf", "mount", "prefix")
 ROTOR_NUMBERS = ("k_f", "k_tau", "max_speed", "lag")
-ROTOR_KEYS = ("name", "frame", "position", "axis", "spin", *ROTOR_NUMBERS)
+ROTOR_OPTIONS = {"min_speed": 0.0}
+"""Numbers of a rotor that need not be stated, and what they are then."""
+ROTOR_KEYS = ("name", "frame", "position", "axis", "spin", *ROTOR_NUMBERS, *ROTOR_OPTIONS)
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str, field: str) -> None:
@@ -150,25 +152,27 @@ def read_rotors(definition: Mapping[str, Any], model: pin.Model, where: str) -> 
         raise VehicleError(where, "rotor_defaults", "is not a table", "write [rotor_defaults]")
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
         raise VehicleError(where, "rotor", "is not a list of tables", "write [[rotor]] per rotor")
-    check_keys(defaults, ROTOR_NUMBERS, where, "rotor_defaults")
+    check_keys(defaults, (*ROTOR_NUMBERS, *ROTOR_OPTIONS), where, "rotor_defaults")
+    columns = (*ROTOR_NUMBERS, *ROTOR_OPTIONS)
     labels: list[str] = []
     rows: list[tuple[Array, Array, float, list[float]]] = []
     for index, table in enumerate(tables):
         field = f"rotor[{index + 1}]"
         check_keys(table, ROTOR_KEYS, where, field)
         position, axis = _pose(table, model, where, field)
-        numbers = {**defaults, **table}
+        numbers = {**ROTOR_OPTIONS, **defaults, **table}
         for key in ("spin", *ROTOR_NUMBERS):
             if key not in numbers:
                 place = "" if key == "spin" else " here or in [rotor_defaults]"
                 raise VehicleError(where, f"{field}.{key}", "is missing", f"state it{place}")
         spin = number(numbers["spin"], where, f"{field}.spin")
-        values = [number(numbers[key], where, f"{field}.{key}") for key in ROTOR_NUMBERS]
+        values = [number(numbers[key], where, f"{field}.{key}") for key in columns]
         rows.append((position, axis, spin, values))
         labels.append(text(table, "name", where, table.get("frame", f"rotor_{index + 1}")))
     if len(set(labels)) < len(labels):
         raise VehicleError(where, "rotor", f"has names {labels}", "name each rotor differently")
-    k_f, k_tau, max_speeds, lags = np.array([row[3] for row in rows]).reshape(-1, 4).T
+    numeric = np.array([row[3] for row in rows]).reshape(-1, len(columns))
+    k_f, k_tau, max_speeds, lags, min_speeds = numeric.T
     return Rotors(
         names=tuple(labels),
         positions=np.array([row[0] for row in rows]),
@@ -178,6 +182,7 @@ def read_rotors(definition: Mapping[str, Any], model: pin.Model, where: str) -> 
         k_tau=k_tau,
         max_speeds=max_speeds,
         lags=lags,
+        min_speeds=min_speeds,
         where=where,
     )
 

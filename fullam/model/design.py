@@ -7,7 +7,7 @@ them by `write_designs`, and a variant (six rotors, 30 deg) is one call of `desi
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from fullam.exceptions import VehicleError
 from fullam.files import atomic_path
 from fullam.model import definition as read
 from fullam.model.craig import craig_transform, homogeneous
+from fullam.model.design_urdf import urdf_text
 from fullam.model.loading import read_definition, vehicle_path
 from fullam.model.physics import inertia_problem
 from fullam.model.vehicle import Vehicle
@@ -91,6 +92,10 @@ class VehicleDesign:
         joint_range_deg: Joints turn from minus to plus this.
         joint_effort: Largest joint torque [N m].
         joint_speed_rpm: Largest joint speed [rpm].
+        rotor_rows: Rotors that do not stand evenly on a ring, one row (azimuth_deg, radius,
+            height, cant_deg, lean_deg) each; empty for the ring. The thrust axis is turned by the
+            cant about the boom, towards the tangent, then by the lean, outward. The table of a
+            vehicle on a ring leaves it out.
         where: What an error message names as the source.
     """
 
@@ -112,6 +117,7 @@ class VehicleDesign:
     joint_range_deg: float
     joint_effort: float
     joint_speed_rpm: float
+    rotor_rows: tuple[tuple[float, ...], ...] = ()
     where: str = "design"
 
     @classmethod
@@ -123,6 +129,7 @@ class VehicleDesign:
         """
         known = cls.parameters()
         read.check_keys(table, known, where, "design")
+        table = {"rotor_rows": (), **table}
         missing = [key for key in known if key not in table]
         if missing:
             raise VehicleError(where, f"design.{missing[0]}", "is missing", "state it")
@@ -135,6 +142,8 @@ class VehicleDesign:
                 if not isinstance(value, list | tuple) or len(value) < 2:
                     raise VehicleError(where, field, f"is {value!r}", "give rows [alpha, a, d]")
                 values[key] = tuple(tuple(read.vector(row, where, field)) for row in value)
+            elif key == "rotor_rows":
+                values[key] = _rotor_rows(value, where, field)
             elif key == "link_masses":
                 if not isinstance(value, list | tuple):
                     raise VehicleError(where, field, f"is {value!r}", "give one number per link")
@@ -165,6 +174,10 @@ class VehicleDesign:
                 self._refuse(key, f"is {getattr(self, key):g}", "give a positive number")
         if not 0.0 <= self.cant_deg < 90.0:
             self._refuse("cant_deg", f"is {self.cant_deg:g}", "give an angle from 0 to below 90")
+        if self.rotor_rows and len(self.rotor_rows) != self.rotor_count:
+            self._refuse(
+                "rotor_rows", f"are {len(self.rotor_rows)}", f"give {self.rotor_count}, one a rotor"
+            )
         problem = inertia_problem(np.diag(self.platform_inertia))
         if problem is not None:
             self._refuse("platform_inertia", problem, "give moments that a body can have")
@@ -209,8 +222,16 @@ class VehicleDesign:
     def rotor_placement(self, index: int) -> Array:
         """Pose of a rotor's frame in {A}, shape (4, 4): x outward along the boom, z = thrust.
 
-        R = Rz(azimuth) Rx(-spin cant), so the thrust leans towards the tangent for spin +1.
+        R = Rz(azimuth) Rx(-spin cant), so the thrust leans towards the tangent for spin +1; with
+        `rotor_rows` R = Rz(azimuth) Ry(lean) Rx(-cant), whatever the spin.
         """
+        if self.rotor_rows:
+            degrees = np.deg2rad(self.rotor_rows[index])
+            _, r, h, _, _ = self.rotor_rows[index]
+            turn, cant, lean = degrees[0], degrees[3], degrees[4]
+            return homogeneous(
+                _rz(turn) @ _ry(lean) @ _rx(-cant), [r * np.cos(turn), r * np.sin(turn), h]
+            )
         azimuth = self.azimuths()[index]
         r, h = self.ring_radius, self.rotor_height
         return homogeneous(
@@ -251,6 +272,8 @@ class VehicleDesign:
         """The [design] table: plain numbers and lists."""
         table = asdict(self)
         del table["where"]
+        if not self.rotor_rows:
+            del table["rotor_rows"]
         return {
             key: [list(row) if isinstance(row, tuple) else row for row in value]
             if isinstance(value, tuple)
@@ -267,8 +290,6 @@ class VehicleDesign:
 
     def urdf(self, name: str) -> str:
         """Text of the URDF, the same for the same parameters (see `design_urdf`)."""
-        from fullam.model.design_urdf import urdf_text  # yourdfpy takes seconds to import
-
         return urdf_text(self, name)
 
 
@@ -277,23 +298,51 @@ def _rx(angle: float) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
+def _ry(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
 def _rz(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def design_vehicle(base: str | Path = "fullam", name: str | None = None, **changes: Any) -> Vehicle:
+def _rotor_rows(value: Any, where: str, field: str) -> tuple[tuple[float, ...], ...]:
+    if not isinstance(value, list | tuple) or not all(
+        isinstance(row, list | tuple) and len(row) == 5 for row in value
+    ):
+        raise VehicleError(
+            where, field, f"is {value!r}", "give rows [azimuth_deg, radius, height, cant_deg, lean]"
+        )
+    return tuple(tuple(read.number(entry, where, field) for entry in row) for row in value)
+
+
+Optimiser = Callable[[Vehicle], Mapping[str, Any]]
+"""Answers a vehicle with changes of its design; `fullam.analysis.design_search` has one."""
+
+
+def design_vehicle(
+    base: str | Path = "fullam",
+    name: str | None = None,
+    optimise: Optimiser | None = None,
+    **changes: Any,
+) -> Vehicle:
     """A variant of one of our designs, by one call: `design_vehicle(rotor_count=6, cant_deg=30)`.
 
     Args:
         base: Name or path of a vehicle whose TOML has a [design] table.
         name: Of the variant; by default the base's name and the changes.
+        optimise: Given the variant, answers with further changes; they are applied on top.
         **changes: Parameters of `VehicleDesign`, or of [rotor_defaults] (k_f, k_tau, max_speed,
-            lag), to replace.
+            lag, min_speed), to replace.
 
     Raises:
         VehicleError: If a parameter is unknown or cannot be built.
     """
+    if optimise is not None:
+        better = optimise(design_vehicle(base, name, **changes))
+        return design_vehicle(base, name or f"{base}, optimised", **{**changes, **better})
     path = vehicle_path(base)
     definition = copy.deepcopy(read_definition(path))
     where = str(path)
@@ -301,10 +350,11 @@ def design_vehicle(base: str | Path = "fullam", name: str | None = None, **chang
         raise VehicleError(
             where, "design", "is missing", f"only designs have variants: {', '.join(DESIGNS)}"
         )
-    known = (*VehicleDesign.parameters(), *read.ROTOR_NUMBERS)
+    numbers = (*read.ROTOR_NUMBERS, *read.ROTOR_OPTIONS)
+    known = (*VehicleDesign.parameters(), *numbers)
     read.check_keys(changes, known, f"design_vehicle({str(base)!r})", "")
     for key, value in changes.items():
-        table = "rotor_defaults" if key in read.ROTOR_NUMBERS else "design"
+        table = "rotor_defaults" if key in numbers else "design"
         definition.setdefault(table, {})[key] = value
     design = VehicleDesign.from_table(definition["design"], where)
     if changes:

@@ -18,7 +18,7 @@ UNIT_TOLERANCE = 1e-3
 NORMALIZED = 4.0 * np.finfo(float).eps
 """A normalised axis is this close to unit length."""
 
-COLUMNS = ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags")
+COLUMNS = ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags", "min_speeds")
 """The numeric columns of `Rotors`."""
 
 
@@ -125,6 +125,9 @@ class Rotors:
         k_tau: Drag-torque coefficients, shape (n,) [N m/(rad/s)^2].
         max_speeds: Largest speeds, shape (n,) [rad/s]; 0 is a failed rotor.
         lags: First-order time constants of the speed, shape (n,) [s].
+        min_speeds: Least speeds of rotors that must not stop, shape (n,) [rad/s]; 0 by default,
+            and disregarded for a failed rotor. What a vehicle can do is worked out with them; the
+            allocation does not know them.
         where: What an error message names as the source of the data.
     """
 
@@ -136,6 +139,7 @@ class Rotors:
     k_tau: Array
     max_speeds: Array
     lags: Array
+    min_speeds: Array = None  # type: ignore[assignment]  # zeros of the right length, on entry
     where: str = "rotors"
 
     def __post_init__(self) -> None:
@@ -143,6 +147,8 @@ class Rotors:
         n = len(self.names)
         if n == 0:
             raise VehicleError(self.where, "rotors", "there is none", "give at least one rotor")
+        if self.min_speeds is None:
+            object.__setattr__(self, "min_speeds", np.zeros(n))
         shapes = {"positions": (n, 3), "axes": (n, 3)}
         for field in COLUMNS:
             value = np.array(getattr(self, field), dtype=float)
@@ -170,6 +176,10 @@ class Rotors:
         self._require("k_f", self.k_f > 0, "a thrust coefficient is positive")
         self._require("k_tau", self.k_tau >= 0, "a drag coefficient is not negative; use the spin")
         self._require("max_speeds", self.max_speeds >= 0, "a largest speed is not negative")
+        possible = (self.min_speeds >= 0) & (
+            (self.min_speeds <= self.max_speeds) | (self.max_speeds == 0)
+        )
+        self._require("min_speeds", possible, "a least speed is from 0 to the largest speed")
         self._require("lags", self.lags >= 0, "a lag is not negative")
         for field in COLUMNS:
             getattr(self, field).setflags(write=False)
@@ -200,6 +210,17 @@ class Rotors:
         matrix = self.coupling_matrix * np.square(self.max_speeds)
         matrix.setflags(write=False)
         return matrix
+
+    @property
+    def least_shares(self) -> Array:
+        """Least squared speeds over the largest, shape (n,): the lower bounds of u.
+
+        0 for a failed rotor: it stands still whatever its least speed was.
+        """
+        turning = self.max_speeds > 0
+        return np.square(
+            np.divide(self.min_speeds, self.max_speeds, out=np.zeros(self.count), where=turning)
+        )
 
     @property
     def max_thrusts(self) -> Array:

@@ -16,7 +16,10 @@ Modules, inner ones first:
     lanes             the numba type of a vector register
     compiled_records  `Rows` as machine code sees them: a pointer, indexed to records
     digest            what a kernel is made of, as a key
-    machine_code      kernels compiled, and kept on disk
+    code_store        machine code on disk
+    machine_code      kernels compiled, or loaded from disk
+    compiler          the compiler, which imports numba
+    random_streams    numpy's generators as kernels, bit for bit
     program           stages called in turn, period by period, by Python or by machine code
 
 How to write a kernel:

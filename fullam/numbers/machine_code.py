@@ -19,7 +19,6 @@ from typing import Any
 
 from fullam.numbers.code_store import load, store
 from fullam.numbers.digest import describe, digest
-from fullam.numbers.kernel import KERNELS, SUBROUTINES
 from fullam.version import version_of
 
 logger = logging.getLogger(__name__)
@@ -29,7 +28,6 @@ ANNOUNCE_AFTER = 3.0
 
 _lock = threading.RLock()
 _codes: dict[str, Code] = {}
-_taught: set[int] = set()
 
 
 class Code:
@@ -69,7 +67,7 @@ def stage_code(kernel: Callable[..., Any], view: Any) -> Code:
     return _code(
         _stage_key(kernel, describe(view)),
         kernel.__qualname__,
-        lambda: _compile_stage(kernel, view),
+        lambda: _compiler().compile_stage(kernel, view),
     )
 
 
@@ -84,7 +82,7 @@ def loop_code() -> Code:
 
     `stages` is the address of pairs (address of a function, address of its table).
     """
-    return _code(_loop_key(), "the loop", _compile_loop)
+    return _code(_loop_key(), "the loop", lambda: _compiler().compile_loop())
 
 
 @functools.cache
@@ -142,57 +140,8 @@ def _announced(what: str) -> Iterator[None]:
     logger.info("compiled %s in %.1f s", what, time.perf_counter() - start)
 
 
-# Below here the compiler is needed.
+def _compiler() -> Any:
+    """The module that imports numba, which takes a second and is rarely needed."""
+    from fullam.numbers import compiler
 
-
-def _teach_kernels() -> None:
-    """Let machine code call every kernel that has been defined so far.
-
-    LLVM puts kernels into one another (`forceinline`), which numba's own inline="always" would do
-    before it finds types, and take minutes over. Division by zero gives infinity, as in C.
-    """
-    from numba.extending import register_jitable
-
-    from fullam.numbers import compiled_records, lanes  # noqa: F401 - they teach it types
-
-    for kernel in list(KERNELS):
-        if id(kernel) not in _taught:
-            _taught.add(id(kernel))
-            options = {} if kernel in SUBROUTINES else {"forceinline": True}
-            register_jitable(error_model="numpy", **options)(kernel)
-
-
-def _compile_stage(kernel: Callable[..., Any], view: Any) -> tuple[str, bytes]:
-    from fullam.numbers.compiled_records import type_of, viewer
-
-    _teach_kernels()
-    look = viewer(type_of(view))
-
-    def stage(table, period):
-        kernel(look(table), period)
-
-    return _object_code(stage, 2)
-
-
-def _compile_loop() -> tuple[str, bytes]:
-    from fullam.numbers.compiled_records import call, word
-
-    def loop(stages, count, start, stop):
-        for period in range(start, stop):
-            for i in range(count):
-                call(word(stages, 2 * i), word(stages, 2 * i + 1), period)
-
-    return _object_code(loop, 4)
-
-
-def _object_code(function: Callable[..., Any], arguments: int) -> tuple[str, bytes]:
-    """Compile a C function of 64-bit numbers: its name, and the object code.
-
-    Internal to numba: the library behind a C function, and that it can be serialised. A test
-    compiles and loads, and says so when an upgrade breaks it.
-    """
-    from numba import cfunc, types
-
-    compiled = cfunc(types.void(*[types.int64] * arguments), error_model="numpy")(function)
-    _, _, (object_code, _) = compiled._library.serialize_using_object_code()
-    return compiled._wrapper_name, object_code
+    return compiler

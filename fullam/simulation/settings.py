@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
 from fullam.control.estimators import estimator_class, make_estimator_settings
+from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 
@@ -27,6 +28,8 @@ class SimulationSettings:
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
         estimator: Name of the estimator.
         estimator_settings: Those of the estimator's settings that differ from its defaults.
+        governor: Takes the target's tilt back while force is short; "off" for none, a mapping
+            for other settings than the default ones.
         max_position_error: Farther than this from the reference [m] the flight has diverged.
         max_attitude_error_deg: The same for the angle to the reference attitude [deg].
     """
@@ -38,6 +41,7 @@ class SimulationSettings:
     delay: float = 0.0
     estimator: str = "first-order"
     estimator_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    governor: Governor | Mapping[str, float] | str | None = field(default_factory=Governor)
     max_position_error: float = 5.0
     max_attitude_error_deg: float = 120.0
 
@@ -52,6 +56,7 @@ class SimulationSettings:
         integrator(self.integrator)
         estimator_class(self.estimator)
         self._own_estimator_settings()
+        object.__setattr__(self, "governor", _governor(self.governor))
         self._multiple("control_period", self.control_period, "plant_period", self.plant_period)
         self._multiple("pose_period", self.pose_period, "control_period", self.control_period)
         if self.delay != 0.0:
@@ -96,7 +101,8 @@ class SimulationSettings:
     def to_dict(self) -> dict[str, Any]:
         """JSON values."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        return data | {"estimator_settings": dict(self.estimator_settings)}
+        governor = "off" if self.governor is None else asdict(self.governor)
+        return data | {"estimator_settings": dict(self.estimator_settings), "governor": governor}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:
@@ -106,3 +112,17 @@ class SimulationSettings:
             if key not in known:
                 raise ScenarioError(WHERE, key, "is no field of it", f"it has {', '.join(known)}")
         return cls(**data)
+
+
+def _governor(given: Any) -> Governor | None:
+    """The governor that was asked for."""
+    if given is None or isinstance(given, Governor):
+        return given
+    if given in ("on", "off"):
+        return Governor() if given == "on" else None
+    known = [f.name for f in fields(Governor)]
+    if not isinstance(given, Mapping) or set(given) - set(known):
+        raise ScenarioError(
+            WHERE, "governor", f"is {given!r}", f"give 'on', 'off', or some of {', '.join(known)}"
+        )
+    return Governor(**given)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
@@ -259,8 +260,6 @@ here.</p>"""
 
 
 def _how(result: Reproduction) -> str:
-    import tomllib
-
     rows = ""
     for name in tuned_names():
         data = tomllib.loads((TUNED / f"{name}.toml").read_text(encoding="utf-8"))

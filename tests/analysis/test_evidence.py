@@ -7,7 +7,7 @@ pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 
 import pyarrow as pa
 
-from fullam.analysis.campaign_store import SCHEMA, CampaignTable
+from fullam.analysis.campaign_table import SCHEMA, CampaignTable
 from fullam.analysis.claims import (
     CLAIMS,
     RIVAL,

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fullam.analysis import deviation
 from fullam.analysis.asked_motion import AskedMotion, last_jump
-from fullam.analysis.campaign_store import flatten
+from fullam.analysis.campaign_table import flatten
 from fullam.analysis.judge import Judge, TrackJudge
 from fullam.analysis.metrics import Metrics, measure, metrics_of, noise_floors, rows_of
 from fullam.analysis.response import Response

@@ -10,10 +10,11 @@ pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.analysis.provenance import cached_vehicle, class_digest, is_ours, versions
-from fullam.control import controller as controllers
+from fullam.control import controllers
 from fullam.control.controllers import controller_class
 from fullam.exceptions import CampaignError
 from fullam.model.loading import vehicle_path
+from fullam.registry import Registry
 from fullam.simulation.scenario import Scenario
 
 CONTROLLER = '''
@@ -44,9 +45,7 @@ HELPER = "def gain():\n    return {gain}\n"
 def own_law(tmp_path, monkeypatch):
     """A function that (re)loads a user's controller from files, as a fresh process would."""
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(controllers, "_REGISTRY", type(controllers._REGISTRY)("controller"))
-    for name in ("pid", "dc-pid"):
-        controllers.register(name)(ORDINARY[name])
+    monkeypatch.setattr(controllers, "CONTROLLERS", Registry("controller", ORDINARY))
 
     def load(gain=1.0, stiffness=2.0, comment="none"):
         text = CONTROLLER.format(helper="own_helper", stiffness=stiffness, comment=comment)

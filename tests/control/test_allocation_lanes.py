@@ -9,6 +9,7 @@ import pytest
 
 from fullam.control.active_set_search import Held
 from fullam.control.allocation import Allocator, allocation_memory
+from fullam.control.box_qp import SMALL_STORE, STORE
 from fullam.control.ladder import (
     AllocationMemory,
     AllocationProblem,
@@ -148,7 +149,7 @@ def test_python_machine_code_and_lanes_give_the_same_bits(name):
     allocator = FLEET[name]()
     number = 120 if allocator.rotors.count < 10 else 20
     inputs = demands(allocator.rotors, 1, number)
-    expected = results(flown(allocator.problem(), *inputs, "python"), "python")
+    expected = results(flown(allocator.problem(SMALL_STORE), *inputs, "python"), "python")
     for mode in ("scalar", "lanes"):
         got = results(flown(allocator.problem(), *inputs, mode), mode)
         for one, other in zip(got, expected, strict=True):
@@ -208,11 +209,12 @@ def test_what_is_not_finite_is_refused_and_leaves_nothing_behind(mode, bad):
     hit = np.zeros((60, 8), dtype=bool)
     hit[30, :7] = True
     skipped = np.where(hit[:, None], 1.0, landed)
-    expected = results(flown(allocator.problem(), wrenches, centers, skipped, mode), mode)
+    slots = SMALL_STORE if mode == "python" else STORE
+    expected = results(flown(allocator.problem(slots), wrenches, centers, skipped, mode), mode)
     for lane in range(6):
         wrenches[30, lane, lane] = bad
     centers[30, 1, 6] = bad
-    got = results(flown(allocator.problem(), wrenches, centers, landed, mode), mode)
+    got = results(flown(allocator.problem(slots), wrenches, centers, landed, mode), mode)
     speeds, others = (part[1][:, :, 0].transpose(0, 2, 1) for part in (got, expected))
     assert np.array_equal(speeds[~hit], others[~hit])
     preferred = allocator.rotors.max_speeds * np.linspace(0.2, 0.9, 8)
@@ -228,7 +230,7 @@ def test_the_clip_answers_when_the_search_does_not(mode):
     allocator = FLEET["octorotor"]()
     wrenches, centers, landed = demands(allocator.rotors, 5, 20)
     wrenches[:, 2] += 100.0
-    problem = allocator.problem()
+    problem = allocator.problem(SMALL_STORE)
     problem = problem._replace(box=problem.box._replace(reached=Rows.empty(Held, 0)))
     views = flown(problem, wrenches, centers, 0.0 * landed, mode)
     delivered, speeds, *_ = results(views, mode)

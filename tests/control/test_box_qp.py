@@ -97,7 +97,13 @@ def reference(box: BoxLeastSquares, wrench: np.ndarray) -> np.ndarray:
 
 
 def assert_minimiser(box: BoxLeastSquares, wrench: np.ndarray) -> None:
-    """`solution` is in the box, optimal, and no worse than scipy's, with the same wrench."""
+    """`solution` is in the box, optimal, and no worse than scipy's, with the same wrench.
+
+    And the active set is named as it is: another name would find another set's map.
+    """
+    bits, held = 2.0 ** np.arange(box.upper.size), box.search.last[0].held
+    assert held.lower == bits @ (box.status == AT_LOWER)
+    assert held.upper == bits @ (box.status == AT_UPPER)
     u, expected = box.solution, reference(box, wrench)
     assert np.all(u >= 0.0)
     assert np.all(u <= box.upper)

@@ -192,7 +192,7 @@ class Oracle(Estimator):
 
 
 def test_anybody_writes_one_in_numpy(monkeypatch):
-    monkeypatch.setattr("fullam.control.estimators._REGISTRY", {})
+    monkeypatch.setattr("fullam.control.estimators.ESTIMATORS", {})
     register_estimator("oracle")(Oracle)
     assert estimator_names() == ("oracle",)
     estimator, poses = estimator_class("oracle")(), np.tile(np.arange(7.0), (3, 1))

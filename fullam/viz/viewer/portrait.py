@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.capability import Support, gravity_wrench
+from fullam.analysis.atlas.envelope import Envelope
+from fullam.analysis.atlas.rays import attained
 from fullam.control.allocation import Allocator
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.model.vehicle import Vehicle
@@ -34,7 +35,8 @@ class Hover:
         feasible: Whether they hold it.
         missing: What is missing of the wrench that would, in {A}, shape (6,) [N, N m].
         tilt: Angle between the platform's z and the vertical [rad].
-        largest_tilt: Largest tilt in this direction that can be held [rad].
+        azimuth: Where the platform leans to, seen from {A} [rad].
+        envelope: What it can do in this arm pose.
     """
 
     vehicle: Vehicle
@@ -44,7 +46,13 @@ class Hover:
     feasible: bool
     missing: Array
     tilt: float
-    largest_tilt: float
+    azimuth: float
+    envelope: Envelope
+
+    @property
+    def largest_tilt(self) -> float:
+        """Tilt in this direction up to which all can be held [rad]; 0 without hover."""
+        return float(np.nan_to_num(self.envelope.rose(self.azimuth)[0]))
 
     @property
     def shares(self) -> Array:
@@ -95,18 +103,18 @@ def hover(
     wrench_A, up_A = _load(vehicle, pose, arm)
     allocator = Allocator(rotors, axes=controllable_axes(rotors), vehicle_name=vehicle.name)
     speeds = allocator.solve(wrench_A).speeds
-    _, center = gravity_wrench(vehicle, arm)
-    support = Support(rotors, vehicle.mass * vehicle.gravity, center)
+    envelope = Envelope.of(vehicle, arm)
     azimuth = float(np.arctan2(up_A[1], up_A[0]))
     return Hover(
         vehicle=vehicle,
         pose=pose,
         arm=arm,
         speeds=speeds,
-        feasible=support.holds(up_A),
+        feasible=bool(attained(envelope.facets, envelope.load.wrench(up_A))),
         missing=wrench_A - rotors.wrench(speeds),
         tilt=float(np.arccos(np.clip(up_A[2], -1.0, 1.0))),
-        largest_tilt=support.largest_tilt(azimuth),
+        azimuth=azimuth,
+        envelope=envelope,
     )
 
 
@@ -117,9 +125,16 @@ def _load(vehicle: Vehicle, pose: Array, arm: Array) -> tuple[Array, Array]:
     return np.array(wrench), pin.Quaternion(pose[3:]).toRotationMatrix()[2].copy()
 
 
-def stage(vehicle: Vehicle, details: str | None = None) -> Scene:
-    """A scene with one vehicle at rest, without a target."""
+def stage(vehicle: Vehicle, details: str | None = None, forces: Envelope | None = None) -> Scene:
+    """A scene with one vehicle at rest, without a target.
+
+    Args:
+        vehicle: The vehicle.
+        details: A line about it.
+        forces: Whose attainable forces are drawn about the platform; None for none.
+    """
     part = VehicleScene(vehicle, vehicle.name, ghost=False)
+    part.forces = forces
     text = (
         details or f"{vehicle.rotors.count} rotors, {vehicle.n_arm} joints, {vehicle.mass:.3g} kg"
     )
@@ -127,12 +142,20 @@ def stage(vehicle: Vehicle, details: str | None = None) -> Scene:
 
 
 def portrait(
-    vehicle: Vehicle, arm_deg: ArrayLike | None = None, euler_deg: ArrayLike = (0.0, 0.0, 0.0)
+    vehicle: Vehicle,
+    arm_deg: ArrayLike | None = None,
+    euler_deg: ArrayLike = (0.0, 0.0, 0.0),
+    forces: bool = False,
 ) -> Film:
     """A film of one frame: the vehicle at hover, its rotors at the speeds that hold it.
 
-    Arguments and errors as in `hover`.
+    Args:
+        vehicle: The vehicle.
+        arm_deg: As in `hover`.
+        euler_deg: As in `hover`.
+        forces: Draw the forces that it attains about the platform.
     """
-    scene = stage(vehicle)
-    frame = scene.frame(0.0, [hover(vehicle, arm_deg, euler_deg).snapshot()])
+    found = hover(vehicle, arm_deg, euler_deg)
+    scene = stage(vehicle, forces=found.envelope if forces else None)
+    frame = scene.frame(0.0, [found.snapshot()])
     return Film(scene.spec(clock=False), frame[None, :], 1.0)

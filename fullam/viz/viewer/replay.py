@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import InvalidInput
+from fullam.viz.figures import caption
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.scene import DIRECTION, SPIN_RATE, Scene, Snapshot, VehicleScene
 
@@ -104,8 +105,6 @@ def title(runs: Sequence[Run]) -> str:
 
 def details(runs: Sequence[Run]) -> str:
     """Vehicle, weather and seed."""
-    from fullam.viz.figures import caption
-
     first = runs[0]
     weather = caption(first).split(f"{first.controller}, ", 1)[-1]
     ended = "" if not any(run.diverged for run in runs) else " · DIVERGED"

@@ -14,14 +14,13 @@ import json
 import os
 import socket
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import FullamError
-from fullam.viz.viewer import page
 from fullam.viz.viewer.replay import Film
 from fullam.viz.viewer.scene import WIDTHS
 
@@ -135,7 +134,9 @@ class ViewerServer:
         from tornado.httpserver import HTTPServer
 
         asyncio.set_event_loop(self._loop)
-        application = _application(self._join, self._clients.discard)
+        from fullam.viz.viewer.handlers import application
+
+        handlers = application(self._join, self._clients.discard)
         try:
             bound = _bind(range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else (port,))
         except OSError as error:
@@ -143,7 +144,7 @@ class ViewerServer:
             self._started.set()
             self._loop.close()
             return
-        server = HTTPServer(application)
+        server = HTTPServer(handlers)
         server.add_socket(bound)
         self.url = f"http://{HOST}:{bound.getsockname()[1]}/"
         self._loop.call_soon(self._started.set)
@@ -186,60 +187,6 @@ class ViewerServer:
     def _send(self, message: str | bytes, drop: bool) -> None:
         for client in list(self._clients):
             client.send(message, drop=drop)
-
-
-def _application(join: Callable[[Any], None], leave: Callable[[Any], None]) -> Any:
-    """The tornado application; tornado comes with Meshcat and is imported when it is needed."""
-    import tornado.web
-    import tornado.websocket
-
-    class Page(tornado.web.RequestHandler):
-        def get(self, name: str) -> None:
-            self.set_header("Cache-Control", "no-store")
-            if name == "":
-                self.finish(page.served_page())
-                return
-            path = page.meshcat_script() if name == "meshcat.js" else page.HERE / name
-            self.set_header("Content-Type", "text/javascript; charset=utf-8")
-            self.finish(path.read_bytes())
-
-    class Feed(tornado.websocket.WebSocketHandler):
-        """One open page. Tornado refuses connections that pages of other origins ask for."""
-
-        def open(self, *_: str, **__: str) -> None:
-            self.sent: Any = None
-            self.set_nodelay(True)
-            join(self)
-
-        def send(self, message: str | bytes, drop: bool = False) -> None:
-            """Send; with `drop`, not while the message before is still on its way."""
-            if drop and self.sent is not None and not self.sent.done():
-                return
-            try:
-                self.sent = asyncio.ensure_future(
-                    _quiet(self.write_message(message, binary=isinstance(message, bytes)))
-                )
-            except tornado.websocket.WebSocketClosedError:
-                leave(self)
-
-        def on_message(self, message: str | bytes) -> None:
-            """Pages only listen."""
-
-        def on_close(self) -> None:
-            leave(self)
-
-    async def _quiet(sending: Any) -> None:
-        try:
-            await sending
-        except (tornado.websocket.WebSocketClosedError, tornado.iostream.StreamClosedError):
-            return
-
-    application = tornado.web.Application()
-    names = "|".join(("meshcat.js", *page.SCRIPTS)).replace(".", r"\.")
-    application.add_handlers(
-        r"(localhost|127\.0\.0\.1)", [(r"/feed", Feed), (rf"/({names}|)", Page)]
-    )
-    return application
 
 
 def _bind(ports: Iterable[int]) -> socket.socket:

@@ -12,6 +12,7 @@ from fullam.exceptions import MissingDependency
 from fullam.model.design import VehicleDesign
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.viz.polytope import rose_svg
 from fullam.viz.viewer.portrait import Hover, hover, stage
 from fullam.viz.viewer.scene import THRUST_COLOURS
 from fullam.viz.viewer.server import ViewerServer
@@ -29,6 +30,7 @@ class Explorer:
         hover: How it holds still.
         sliders: By name: the arm's joints, "tilt about x", "tilt about y", and "cant" for a
             vehicle made from a design.
+        forces: Checkbox: draw the forces that can be attained about the platform.
         panel: The ipywidgets container.
         server: Serves the scene.
     """
@@ -43,13 +45,15 @@ class Explorer:
         self._base = self.vehicle
         self._cant = self.vehicle.definition.get("design", {}).get("cant_deg")
         self.sliders = self._sliders(ipywidgets)
+        self.forces = ipywidgets.Checkbox(value=False, description="attainable forces")
+        self.forces.observe(self.update, names="value")
         self._report = ipywidgets.HTML()
         self.server = ViewerServer()
         self._stage = stage(self.vehicle)
         self.server.show(self._stage.spec(clock=False))
         self.update()
         frame = f'<iframe src="{self.server.url}" width="100%" height="{height}" frameborder="0">'
-        controls = ipywidgets.VBox([*self.sliders.values(), self._report])
+        controls = ipywidgets.VBox([*self.sliders.values(), self.forces, self._report])
         controls.layout.width = "340px"
         scene = ipywidgets.HTML(f"{frame}</iframe>")
         scene.layout.width = "100%"
@@ -89,6 +93,11 @@ class Explorer:
         arm = [values[name] for name in self.vehicle.arm_joints]
         euler = [values["tilt about x"], values["tilt about y"], 0.0]
         self.hover = hover(self.vehicle, arm, euler)
+        shown = self._stage.vehicles[0].forces is not None
+        if self.forces.value or shown:  # the body is not the same in another arm pose
+            wanted = self.hover.envelope if self.forces.value else None
+            self._stage = stage(self.vehicle, forces=wanted)
+            self.server.show(self._stage.spec(clock=False, keep_camera=True))
         self.server.push(self._stage.frame(0.0, [self.hover.snapshot()]))
         self._report.value = report(self.hover)
         return self.hover
@@ -126,7 +135,7 @@ def _short(name: str) -> str:
 
 
 def report(found: Hover) -> str:
-    """Feasibility and a bar per rotor, as HTML."""
+    """Feasibility, the tilt rose and a bar per rotor, as HTML."""
     if found.feasible:
         verdict = f'<b style="color: #00704f">holds</b>, {found.shares.max():.0%} of full thrust'
     else:
@@ -136,6 +145,7 @@ def report(found: Hover) -> str:
         )
     tilt, most = np.rad2deg(found.tilt), np.rad2deg(found.largest_tilt)
     rows = [f"<div>{verdict}</div><div>tilt {tilt:.0f}°; {most:.0f}° can be held this way</div>"]
+    rows.append(f"<div>{rose_svg(found.envelope, found.tilt, found.azimuth)}</div>")
     colour = THRUST_COLOURS[1]
     for name, speed, share in zip(
         found.vehicle.rotors.names, found.speeds, found.shares, strict=True
@@ -148,3 +158,16 @@ def report(found: Hover) -> str:
             f"</span><span>{speed:.0f} rad/s</span></div>"
         )
     return "".join(rows)
+
+
+def explore(vehicle: Vehicle | str = "fullam", height: int = 480) -> Explorer:
+    """Sliders for arm, tilt and cant of a vehicle, with hover speeds and feasibility, live.
+
+    Args:
+        vehicle: A vehicle or its name; cant has a slider only for vehicles made from a design.
+        height: Of the scene [px].
+
+    Raises:
+        MissingDependency: ipywidgets is not installed.
+    """
+    return Explorer(vehicle, height)
