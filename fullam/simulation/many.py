@@ -88,7 +88,7 @@ def fly_blocks(
     for name, value in (("lanes", lanes), ("threads", threads)):
         if not isinstance(value, int) or value < 1:
             raise SettingsError("many flights", name, f"is {value!r}", "give a whole number, 1 up")
-    lanes = lanes if available() else 0  # Python flies one at a time
+    lanes = lanes if available() and lanes > 1 else 0  # one at a time, as scalars
     tables, local = Tables(plan), threading.local()
 
     def fly(some: Sequence[int]) -> list[Result]:

@@ -31,10 +31,10 @@ from fullam.simulation.scenario import AXES
 from fullam.simulation.simulate import fly_by_python, prepare
 from fullam.simulation.tables import Tables
 
-PERIODS, MANY_PERIODS = 60, 1000
+PERIODS, MANY_PERIODS = 100, 1000
 """Control periods of each flight, and of those that are flown long."""
 
-LONG = 8
+LONG = 6
 """Every so manieth case is flown long."""
 
 ROUNDING = 1e-9
