@@ -207,7 +207,7 @@ def test_check_reports_capability_and_agreement(fullam):
     assert "rank of the coupling matrix      6 of 6" in out
     assert "fully actuated                   yes" in out
     assert "acceleration" in out
-    assert "fully actuated                   no" in fullam("check", "borinot", "--samples", 50)[1]
+    assert re.search(r"fully actuated +no\n", fullam("check", "borinot", "--samples", 50)[1])
     data = json.loads(fullam("check", "borinot", "--samples", 50, "--json")[1])
     assert data["capability"]["rank"] == 4
     assert data["agreement"]["largest"] < data["agreement"]["tolerance"]
