@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, positive, shown, within
 from fullam.exceptions import VehicleError
 from fullam.files import atomic_path
 from fullam.model import definition as read
@@ -24,6 +25,15 @@ from fullam.model.physics import inertia_problem
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+POSITIVE = (
+    *("platform_mass", "ring_radius", "propeller_radius", "tool_length", "link_radius"),
+    *("joint_range_deg", "joint_effort", "joint_speed_rpm"),
+)
+"""Parameters of a design that are above 0."""
+
+MOST_ROWS = 100
+"""More rows of a Craig table than any arm has."""
 
 DESIGNS = ("fullam", "quadrotor_arm")
 """The vehicles whose URDF this module writes."""
@@ -126,28 +136,7 @@ class VehicleDesign:
         missing = [key for key in known if key not in table]
         if missing:
             raise VehicleError(where, f"design.{missing[0]}", "is missing", "state it")
-        values: dict[str, Any] = {"where": where}
-        for key in known:
-            field, value = f"design.{key}", table[key]
-            if key in ("platform_inertia", "mount_position"):
-                values[key] = tuple(read.vector(value, where, field).tolist())
-            elif key == "craig":
-                if not isinstance(value, list | tuple) or len(value) < 2:
-                    raise VehicleError(where, field, f"is {value!r}", "give rows [alpha, a, d]")
-                values[key] = tuple(tuple(read.vector(row, where, field)) for row in value)
-            elif key == "link_masses":
-                if not isinstance(value, list | tuple):
-                    raise VehicleError(where, field, f"is {value!r}", "give one number per link")
-                values[key] = tuple(read.number(entry, where, field) for entry in value)
-            else:
-                values[key] = read.number(value, where, field)
-        count = values["rotor_count"]
-        if count != int(count) or count < 4 or count % 2:
-            raise VehicleError(
-                where, "design.rotor_count", f"is {count:g}", "give an even number, at least 4"
-            )
-        values["rotor_count"] = int(count)
-        return cls(**values)
+        return cls(**table, where=where)
 
     @classmethod
     def parameters(cls) -> tuple[str, ...]:
@@ -155,14 +144,16 @@ class VehicleDesign:
         return tuple(field.name for field in fields(cls) if field.name != "where")
 
     def __post_init__(self) -> None:
-        """Refuse parameters that no vehicle has."""
-        positive = (
-            "platform_mass", "ring_radius", "propeller_radius", "tool_length", "link_radius",
-            "joint_range_deg", "joint_effort", "joint_speed_rpm",
-        )  # fmt: skip
-        for key in positive:
-            if not getattr(self, key) > 0.0:
-                self._refuse(key, f"is {getattr(self, key):g}", "give a positive number")
+        """Refuse parameters that no vehicle has; lists become tuples.
+
+        Raises:
+            VehicleError: Naming the parameter and what would be right.
+        """
+        check = Checker(self.where, VehicleError)
+        for key in self.parameters():
+            object.__setattr__(self, key, self._checked(check, key, getattr(self, key)))
+        if self.rotor_count % 2:
+            self._refuse("rotor_count", f"is {self.rotor_count}", "give an even number")
         if not 0.0 <= self.cant_deg < 90.0:
             self._refuse("cant_deg", f"is {self.cant_deg:g}", "give an angle from 0 to below 90")
         problem = inertia_problem(np.diag(self.platform_inertia))
@@ -176,6 +167,25 @@ class VehicleDesign:
             )
         if any(rod.length <= 0.0 for rod in self.rods()):
             self._refuse("craig", "has a link without length", "give every link a length")
+
+    @staticmethod
+    def _checked(check: Checker, key: str, value: Any) -> Any:
+        """A parameter in its form, each number in the range of what it is."""
+        field = f"design.{key}"
+        if key in ("platform_inertia", "mount_position"):
+            return check.vector(field, value, 3, within(1e3))
+        if key == "link_masses":
+            return check.vector(field, value, None, within(1e3, "kg"))
+        if key == "craig":
+            if not isinstance(value, list | tuple) or not 2 <= len(value) <= MOST_ROWS:
+                raise check.refuse(field, f"is {shown(value)}", "give rows [alpha, a, d]")
+            rows = enumerate(value)
+            return tuple(check.vector(f"{field}[{i}]", row, 3, within(1e3)) for i, row in rows)
+        if key == "rotor_count":
+            if isinstance(value, float) and value.is_integer():
+                value = int(value)
+            return check.whole(field, value, 4, read.MOST_ROTORS)
+        return check.number(field, value, positive(1e4) if key in POSITIVE else within(1e4))
 
     def _refuse(self, key: str, problem: str, remedy: str) -> None:
         raise VehicleError(self.where, f"design.{key}", problem, remedy)
@@ -295,6 +305,8 @@ def design_vehicle(base: str | Path = "fullam", name: str | None = None, **chang
         VehicleError: If a parameter is unknown or cannot be built.
     """
     path = vehicle_path(base)
+    if name is not None:
+        Checker("design_vehicle", VehicleError).text("name", name)
     definition = copy.deepcopy(read_definition(path))
     where = str(path)
     if "design" not in definition:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import sys
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from fullam.checks import Checker, read_text, read_toml, shown
 from fullam.exceptions import UnknownName, VehicleError
 from fullam.model import definition as read
 from fullam.model.vehicle import Vehicle
@@ -63,6 +64,13 @@ def vehicle_path(name_or_path: str | Path) -> Path:
         UnknownName: If it looks like a name and is not registered.
         VehicleError: If it is a URDF.
     """
+    if not isinstance(name_or_path, str | Path):
+        raise VehicleError(
+            "load_vehicle",
+            "name_or_path",
+            f"is {shown(name_or_path)}",
+            f"give the path of a TOML, or one of {', '.join(vehicle_names())}",
+        )
     path = Path(name_or_path)
     if path.suffix == ".urdf":
         raise VehicleError(
@@ -85,16 +93,7 @@ def read_definition(path: Path) -> dict[str, Any]:
     Raises:
         VehicleError: If there is no such file, or it is not TOML.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise VehicleError(
-            str(path), "file", f"cannot be read ({error})", "give the path of a vehicle's TOML"
-        ) from error
-    try:
-        return tomllib.loads(content)
-    except tomllib.TOMLDecodeError as error:
-        raise VehicleError(str(path), "TOML", str(error), "correct the syntax there") from error
+    return read_toml(path, Checker(str(path), VehicleError))
 
 
 def read_urdf(definition: Mapping[str, Any], path: Path) -> str:
@@ -114,12 +113,12 @@ def read_urdf(definition: Mapping[str, Any], path: Path) -> str:
     else:
         file = path.parent / read.text(definition, "urdf", where)
     try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(file, Checker(str(file), VehicleError))
+    except VehicleError as error:
         raise VehicleError(
             where,
             "urdf",
-            f"'{file}' cannot be read ({error})",
+            f"'{file}' {error.problem}",
             "give a path relative to the TOML, or {package = ..., path = ...}",
         ) from error
 
@@ -128,6 +127,9 @@ def _package_file(package: str, inner: str, where: str) -> Path:
     share = Path("share") / package / "robots"
     roots = [Path(sys.prefix) / share]
     try:
+        # An installed name is letters, digits, ".", "_", "-"; others can break the search.
+        if not re.fullmatch(r"[A-Za-z0-9._-]+", package):
+            raise importlib.metadata.PackageNotFoundError(package)
         distribution = importlib.metadata.distribution(package)
         roots.insert(0, Path(str(distribution.locate_file("cmeel.prefix"))) / share)
     except importlib.metadata.PackageNotFoundError:

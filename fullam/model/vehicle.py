@@ -12,9 +12,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from fullam.checks import positive, shown
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
-from fullam.model.physics import check_links, check_total_mass, parse_urdf
+from fullam.model.physics import (
+    check_joints,
+    check_links,
+    check_total_mass,
+    inertia_problem,
+    parse_urdf,
+)
 from fullam.model.rotors import COLUMNS, Rotors
 from fullam.model.wrench_axes import rank_on, require_rank
 
@@ -22,6 +29,9 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """Gravity when the definition states none [m/s^2]."""
+
+MOST_GRAVITY = 300.0
+"""Gravity at the sun's surface is 274 m/s^2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +80,11 @@ class Vehicle:
         Raises:
             VehicleError: If the data are incomplete or describe no physical vehicle.
         """
-        where = source or f"vehicle '{definition.get('name', '?')}'"
+        if not isinstance(definition, Mapping):
+            raise VehicleError(
+                source or "vehicle", "definition", f"is {shown(definition)}", "give a mapping"
+            )
+        where = source or f"vehicle {shown(definition.get('name', '?'))}"
         read.check_keys(definition, read.TOP_KEYS, where, "")
         name = read.text(definition, "name", where)
         platform = read.text(definition, "platform", where)
@@ -78,6 +92,7 @@ class Vehicle:
         urdf_place = f"{where} (its URDF)"
         robot = parse_urdf(urdf_text, urdf_place)
         check_links(robot, urdf_place)
+        check_joints(robot, urdf_place)
         _check_root(robot, platform, where)
         try:
             model = pin.buildModelFromXML(urdf_text, pin.JointModelFreeFlyer())
@@ -85,7 +100,9 @@ class Vehicle:
             raise VehicleError(
                 urdf_place, "URDF", f"Pinocchio refuses it ({error})", "check joints and limits"
             ) from error
-        gravity = read.number(definition.get("gravity", GRAVITY), where, "gravity")
+        gravity = read.number(
+            definition.get("gravity", GRAVITY), where, "gravity", positive(MOST_GRAVITY, "m/s^2")
+        )
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         model.name = name
         if model.inertias[1].mass <= 0.0:
@@ -126,7 +143,20 @@ class Vehicle:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Vehicle:
-        """The inverse of `to_data`; what the definition yields by itself is left as it is."""
+        """The inverse of `to_data`; what the definition yields by itself is left as it is.
+
+        Raises:
+            VehicleError: The data are no vehicle's.
+        """
+        try:
+            return cls._from_data(data)
+        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
+            raise VehicleError(
+                "vehicle", "data", f"{type(error).__name__}: {error}", "give what to_data gave"
+            ) from error
+
+    @classmethod
+    def _from_data(cls, data: Mapping[str, Any]) -> Vehicle:
         vehicle = cls.from_definition(data["definition"], data["urdf"])
         columns: dict[str, Any] = {
             name: np.array(values)
@@ -135,11 +165,12 @@ class Vehicle:
         }
         if columns:
             vehicle = replace(vehicle, rotors=replace(vehicle.rotors, **columns))
-        for i, body in enumerate(data["bodies"], start=1):
+        bodies = list(data["bodies"])
+        if len(bodies) != vehicle.model.njoints - 1:
+            raise ValueError(f"there are {len(bodies)} bodies")
+        for i, body in enumerate(bodies, start=1):
             if body != _body(vehicle.model.inertias[i]):
-                vehicle.model.inertias[i] = pin.Inertia(
-                    body["mass"], np.array(body["lever"]), np.array(body["inertia"])
-                )
+                vehicle.model.inertias[i] = _inertia(body)
         return vehicle
 
     @property
@@ -180,7 +211,15 @@ class Vehicle:
         """
         q = pin.neutral(self.model)
         if theta is not None:
-            angles = np.asarray(theta, dtype=float)
+            try:
+                angles = np.asarray(theta, dtype=float)
+            except (TypeError, ValueError) as error:
+                raise VehicleError(
+                    f"vehicle '{self.name}'",
+                    "theta",
+                    f"is {shown(theta)}",
+                    f"give {self.n_arm} joint angles",
+                ) from error
             if angles.shape != (self.n_arm,):
                 raise VehicleError(
                     f"vehicle '{self.name}'",
@@ -244,6 +283,21 @@ def _check_root(robot: ElementTree.Element, platform: str, where: str) -> None:
         raise VehicleError(
             where, "platform", f"'{platform}' is not the root link", f"the URDF's root is {roots}"
         )
+
+
+def _inertia(body: Mapping[str, Any]) -> pin.Inertia:
+    """The inverse of `_body`.
+
+    Raises:
+        ValueError: No body has such mass properties.
+    """
+    mass, lever, inertia = (np.array(body[name], float) for name in ("mass", "lever", "inertia"))
+    if mass.shape or lever.shape != (3,) or inertia.shape != (3, 3):
+        raise ValueError("a body has a mass, three coordinates and a 3 x 3 inertia")
+    problem = inertia_problem(inertia)
+    if problem is not None or not (mass > 0.0 and np.isfinite(mass) and np.isfinite(lever).all()):
+        raise ValueError(f"a body cannot exist: {problem or 'mass or centre is not finite'}")
+    return pin.Inertia(float(mass), lever, inertia)
 
 
 def _body(inertia: pin.Inertia) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def test_the_check_looks_at_principal_moments_not_at_the_diagonal():
     ("change", "field", "problem"),
     [
         ({"mass": "-1"}, "mass of link 'a'", "is -1 kg"),
-        ({"mass": "nan"}, "mass/value of link 'a'", "is nan"),
+        ({"mass": "nan"}, "mass/value of link 'a'", "is NaN"),
         ({"mass": "heavy"}, "mass/value of link 'a'", "is 'heavy'"),
         ({"mass": "0"}, "inertia of link 'a'", "is not zero although the mass is"),
         ({"ixx": "-1"}, "inertia of link 'a'", "not all positive"),
