@@ -7,8 +7,8 @@ than that. When there are many parts, they become one. When every row is there, 
 written to `NAME` in canonical order in one move, and the parts are removed. The bytes of the result
 depend on the campaign alone: not on how many jobs flew it, nor on how often it was stopped.
 
-Pages carry checksums, which are verified on reading; what is read must have all columns of
-`SCHEMA`, in their types, and a stamp that says what was flown. One process writes at a time.
+Pages carry checksums and the stamp a digest of itself and all rows, which are verified on reading;
+what is read must have all columns of `SCHEMA`, in their types. One process writes at a time.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from fullam.analysis.journal import canonical_json
 from fullam.analysis.metrics import AxisMetrics, Metrics
 from fullam.analysis.provenance import short_digest
+from fullam.analysis.table_digest import table_digest
 from fullam.exceptions import CampaignError, MissingDependency
 from fullam.files import atomic_path, locked
 from fullam.simulation.scenario import AXES
@@ -42,7 +43,7 @@ Key = tuple[str, str, int]
 """(scenario, contender, seed): what names a row."""
 
 FORMAT = "fullam-campaign-2"
-METADATA = b"fullam"
+METADATA, DIGEST = b"fullam", b"fullam-digest"
 ROW_GROUP = 4096
 
 FLUSH = 0.5
@@ -166,10 +167,15 @@ def read_campaign(path: str | Path) -> CampaignTable:
         ) from error
     # Parquet comes back with details of its own (names of inner fields): one schema for all.
     table = table.cast(SCHEMA)
+    stamp = table_stamp(table, identity)
+    if stamp[DIGEST] != (file.schema_arrow.metadata or {}).get(DIGEST):
+        raise CampaignError(
+            where, "digest", "is not that of stamp and rows", "it is damaged: sweep again"
+        )
     for name in ("scenario", "contender", "seed", "outcome"):
         if table.column(name).null_count:
             raise CampaignError(where, name, "is empty in some rows", "remove it and sweep again")
-    return CampaignTable(table.replace_schema_metadata({METADATA: _stamp(identity)}), identity)
+    return CampaignTable(table.replace_schema_metadata(stamp), identity)
 
 
 def _identity(schema: pa.Schema, where: str) -> dict[str, Any]:
@@ -204,8 +210,10 @@ def _same(found: pa.DataType, wanted: pa.DataType) -> bool:
     return bool(found == wanted)
 
 
-def _stamp(identity: Mapping[str, Any]) -> bytes:
-    return canonical_json(identity).encode()
+def table_stamp(rows: pa.Table, identity: Mapping[str, Any]) -> dict[bytes, bytes]:
+    """Metadata of a file: what was flown, and a digest of that and of all rows."""
+    stamp = canonical_json(identity).encode()
+    return {METADATA: stamp, DIGEST: table_digest(rows, stamp).encode()}
 
 
 @contextmanager
@@ -244,7 +252,6 @@ class CampaignStore:
         self.path = Path(path)
         self.parts = self.path.with_name(self.path.name + ".parts")
         self._identity = json.loads(canonical_json(identity))
-        self._stamp = {METADATA: _stamp(self._identity)}
         self._tables: list[pa.Table] = []
         self._buffer: list[dict[str, Any]] = []
         self._since = self._last = 0.0
@@ -324,9 +331,8 @@ class CampaignStore:
         names = (table.column(n).to_pylist() for n in ("scenario", "contender", "seed"))
         name = fingerprint([list(key) for key in zip(*names, strict=True)])
         with atomic_path(self.parts / f"{kind}-{name}.parquet") as temporary:
-            pq.write_table(
-                table.replace_schema_metadata(self._stamp), temporary, write_page_checksum=True
-            )
+            stamped = table.replace_schema_metadata(table_stamp(table, self._identity))
+            pq.write_table(stamped, temporary, write_page_checksum=True)
 
     def finish(self, order: Iterable[Key]) -> CampaignTable:
         """Write the result in canonical order and drop the parts.
@@ -350,7 +356,7 @@ class CampaignStore:
         chosen = set(wanted)
         rest = sorted(key for key in at if key not in chosen)
         table = table.take([at[key] for key in wanted + rest]).combine_chunks()
-        table = table.replace_schema_metadata(self._stamp)
+        table = table.replace_schema_metadata(table_stamp(table, self._identity))
         with atomic_path(self.path) as temporary:
             pq.write_table(
                 table,

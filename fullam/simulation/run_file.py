@@ -37,6 +37,9 @@ MOST_METADATA = 32 << 20
 UNIT_QUATERNION = 1e-3
 """How far a quaternion may be from unit length; what is recorded is normalised to 1e-9."""
 
+MOST_NUMBER, MOST_LAST_NUMBER = 1e9, 1e100
+"""The largest number of a record, and of the tick at which a flight has diverged."""
+
 UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, KeyError, TypeError),
     *(AttributeError, NotImplementedError, MemoryError, SyntaxError, tokenize.TokenError),
@@ -203,6 +206,9 @@ def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Ch
     for name, array in arrays.items():
         if not np.isfinite(array[:rows]).all():
             raise check.refuse(name, "is not finite", "a flight records finite numbers")
+        for part, most in ((array[:rows], MOST_NUMBER), (array[rows:], MOST_LAST_NUMBER)):
+            if (np.abs(part[np.isfinite(part)], dtype=float) > most).any():
+                raise check.refuse(name, "holds numbers beyond sense", f"at most {most:g} are read")
     for name in QUATERNIONS:
         with np.errstate(over="ignore"):
             lengths = np.linalg.norm(arrays[name][:rows, 3:], axis=1)
