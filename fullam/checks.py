@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fullam.exceptions import InvalidInput
 
@@ -163,6 +164,18 @@ class Checker:
         if not fits or (size is not None and len(value) != size):
             raise self.refuse(field, f"is {shown(value)}", f"give {wanted}")
         return tuple(self.number(f"{field}[{i}]", entry, range) for i, entry in enumerate(value))
+
+    def array(self, field: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Finite numbers of a shape, in whatever nest they come."""
+        try:
+            array = np.asarray(value, dtype=float)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise self.refuse(field, f"is {shown(value)}", f"give numbers, {shape}") from error
+        if array.shape != shape:
+            raise self.refuse(field, f"has shape {array.shape}", f"give shape {shape}")
+        if not np.isfinite(array).all():
+            raise self.refuse(field, f"is {shown(value)}", "give finite numbers")
+        return array
 
     def text(self, field: str, value: Any, prose: bool = False) -> str:
         """A string without control characters; prose may be empty and have lines."""

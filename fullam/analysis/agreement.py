@@ -8,7 +8,6 @@ goes its way alone; only the state and the parameters are shared.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +20,7 @@ from fullam.dynamics.multibody import Multibody, world_acceleration
 from fullam.dynamics.rotations import turn
 from fullam.exceptions import SettingsError
 from fullam.model.chain import LinkChain
-
-if TYPE_CHECKING:
-    from fullam.model.vehicle import Vehicle
+from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -195,9 +192,10 @@ def agreement(vehicle: Vehicle, samples: int = 1000, seed: int = 0) -> Agreement
         Largest relative differences in acceleration, f_1, tau_1 and u_dc.
 
     Raises:
-        SettingsError: A number of samples or a seed that is none.
+        SettingsError: No vehicle, or a number of samples or a seed that is none.
     """
     check = Checker("agreement", SettingsError)
+    check.instance("vehicle", vehicle, Vehicle)
     samples = check.whole("samples", samples, 1, MOST_SAMPLES)
     seed = check.whole("seed", seed)
     rng = np.random.default_rng(seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from fullam.checks import Checker, shown
 from fullam.control.controller import make_settings
 from fullam.control.estimator import estimator_class
 from fullam.exceptions import CampaignError
@@ -29,7 +30,12 @@ class Contender:
     def __post_init__(self) -> None:
         """Resolve the settings and check the names."""
         settings, suffix = self.settings, ""
-        if settings == "tuned":
+        check = Checker("contender", CampaignError)
+        check.text("controller", self.controller)
+        check.text("label", self.label, prose=True)
+        if self.estimator is not None:
+            check.text("estimator", self.estimator)
+        if isinstance(settings, str) and settings == "tuned":
             from fullam.analysis.tuning import tuned_settings
 
             settings, suffix = tuned_settings(self.controller, self.estimator), ", tuned"
@@ -37,7 +43,7 @@ class Contender:
             raise CampaignError(
                 f"contender '{self.controller}'",
                 "settings",
-                f"is {settings!r}",
+                f"is {shown(settings)}",
                 "give 'tuned' or a mapping",
             )
         complete = make_settings(self.controller, settings).to_dict()
@@ -51,5 +57,6 @@ class Contender:
     @classmethod
     def parse(cls, text: str, tuned: bool = False) -> Contender:
         """From "CONTROLLER" or "CONTROLLER@ESTIMATOR"."""
+        Checker("contender", CampaignError).text("name", text)
         controller, _, estimator = text.strip().partition("@")
         return cls(controller, "tuned" if tuned else {}, estimator or None)

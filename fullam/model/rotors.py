@@ -242,7 +242,8 @@ class Rotors:
 
     def wrench(self, speeds: ArrayLike) -> Array:
         """Wrench of the rotors at the given speeds [rad/s], eq. (34), in {A}, shape (6,)."""
-        return self.coupling_matrix @ np.square(np.asarray(speeds, dtype=float))
+        check = Checker(self.where, VehicleError)
+        return self.coupling_matrix @ np.square(check.array("speeds", speeds, (self.count,)))
 
     def with_failed(self, *indices: int) -> Rotors:
         """The same rotors with the given ones stopped: their largest speed becomes 0."""

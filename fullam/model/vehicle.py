@@ -150,7 +150,7 @@ class Vehicle:
         """
         try:
             return cls._from_data(data)
-        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
+        except (TypeError, ValueError, LookupError, AttributeError, OverflowError) as error:
             raise VehicleError(
                 "vehicle", "data", f"{type(error).__name__}: {error}", "give what to_data gave"
             ) from error
@@ -213,7 +213,7 @@ class Vehicle:
         if theta is not None:
             try:
                 angles = np.asarray(theta, dtype=float)
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, OverflowError) as error:
                 raise VehicleError(
                     f"vehicle '{self.name}'",
                     "theta",

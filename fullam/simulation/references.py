@@ -104,7 +104,8 @@ class Waypoints:
         object.__setattr__(self, "times", times)
         for field, numbers in (("positions", FAR), ("euler_deg", TURNED)):
             rows = getattr(self, field)
-            if not isinstance(rows, list | tuple | np.ndarray) or len(rows) != len(times):
+            is_list = isinstance(rows, list | tuple) or np.ndim(rows) == 2
+            if not is_list or len(rows) != len(times):
                 raise check.refuse(
                     field, f"is {shown(rows)}", f"give {len(times)} rows of three, one a time"
                 )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import shown
 from fullam.dynamics.pose_space import euler_from_pose
 from fullam.exceptions import RunFileError
 from fullam.files import atomic_path
@@ -241,5 +242,7 @@ class Run:
         Raises:
             RunFileError: The file is missing, truncated, or no run of this format; see `run_file`.
         """
+        if not isinstance(path, str | Path):
+            raise RunFileError("Run.load", "path", f"is {shown(path)}", "give a path")
         widths = {name: column.width for name, column in COLUMNS.items()}
         return cls(*run_file.read(Path(path), run_file.Format(FORMAT, widths, METADATA)))

@@ -79,6 +79,7 @@ class SimulationSettings:
         Raises:
             ScenarioError: More than `MOST_TICKS` or `MOST_STEPS`.
         """
+        duration = CHECK.number("duration", duration, positive(1e300, "s"))
         for field, period, most in (
             ("control_period", self.control_period, MOST_TICKS),
             ("plant_period", self.plant_period, MOST_STEPS),

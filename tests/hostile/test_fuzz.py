@@ -31,3 +31,11 @@ def test_an_attack_meets_an_answer_or_a_refusal(attack):
         attack.happen(case)
 
     attacked()
+
+
+def test_wrong_types_meet_an_error_of_ours():
+    import api
+
+    count, bad = api.failures()
+    assert count > 3000
+    assert bad == []

@@ -6,7 +6,7 @@ import copy
 import datetime
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from hypothesis import strategies as st
@@ -56,7 +56,7 @@ def toml(value: Any) -> str:
     if isinstance(value, float):
         return str(value)
     if isinstance(value, str):
-        return json.dumps(value).replace("\\ud", "\\u0d").replace("\x7f", "\\u007f")
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, datetime.date | datetime.time):
         return value.isoformat()
     if isinstance(value, dict):
@@ -78,6 +78,13 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
             yield from places(entry, (*path, key))
 
 
+def at(nest: Any, path: Sequence[Any]) -> Any:
+    """What stands at a path."""
+    for key in path:
+        nest = nest[key]
+    return nest
+
+
 @st.composite
 def damaged(draw: st.DrawFn, whole: dict[str, Any], values: st.SearchStrategy[Any]) -> Any:
     """A nest with one to three entries replaced, removed, added or doubled."""
@@ -86,11 +93,16 @@ def damaged(draw: st.DrawFn, whole: dict[str, Any], values: st.SearchStrategy[An
         found = list(places(nest))
         if not found:
             break
+        # Half of the time a number becomes another number: types that fit get farthest.
+        numbers = [path for path in found if isinstance(at(nest, path), int | float)]
+        if numbers and draw(st.booleans()):
+            *parents, last = draw(st.sampled_from(numbers))
+            inside = at(nest, parents)
+            inside[last] = draw(st.one_of(st.sampled_from(NUMBERS), st.floats(-10, 10)))
+            continue
         *parents, last = draw(st.sampled_from(found))
-        inside: Any = nest
-        for key in parents:
-            inside = inside[key]
-        match draw(st.sampled_from(("replace", "replace", "replace", "remove", "add", "double"))):
+        inside = at(nest, parents)
+        match draw(st.sampled_from((*["replace"] * 5, "remove", "add", "double"))):
             case "replace":
                 inside[last] = draw(values)
             case "remove":
@@ -108,17 +120,17 @@ def torn(draw: st.DrawFn, whole: bytes) -> bytes:
     """Bytes with one to four places overwritten, removed, doubled, or the end cut off."""
     data = bytearray(whole)
     for _ in range(draw(st.integers(1, 4))):
-        at = draw(st.integers(0, max(0, len(data) - 1)))
+        start = draw(st.integers(0, max(0, len(data) - 1)))
         size = draw(st.sampled_from((1, 1, 1, 2, 8, 100)))
         match draw(st.sampled_from(("flip", "flip", "write", "remove", "double", "cut"))):
             case "flip" if data:
-                data[at] ^= 1 << draw(st.integers(0, 7))
+                data[start] ^= 1 << draw(st.integers(0, 7))
             case "write":
-                data[at : at + size] = draw(st.binary(min_size=size, max_size=size))
+                data[start : start + size] = draw(st.binary(min_size=size, max_size=size))
             case "remove":
-                del data[at : at + size]
+                del data[start : start + size]
             case "double":
-                data[at:at] = data[at : at + size]
+                data[start:start] = data[start : start + size]
             case "cut":
-                del data[at:]
+                del data[start:]
     return bytes(data)
