@@ -39,18 +39,19 @@ FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
 """What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
 
 
-def driver_of(controller: str, estimator: str, driver: str = FASTEST) -> str:
+def driver_of(controller: str, estimator: str | None, driver: str = FASTEST) -> str:
     """The driver that is meant: machine code where law and estimator are written as kernels.
 
     Args:
         controller: Name of the controller.
-        estimator: Name of the estimator.
+        estimator: Name of the estimator; None for the controller's own.
         driver: One of `DRIVERS`, or `FASTEST`.
 
     Raises:
         UnknownName: No such controller, estimator or driver.
     """
-    law, filtering = controller_class(controller), estimator_class(estimator)
+    law = controller_class(controller)
+    filtering = estimator_class(estimator or law.estimator)
     if driver in DRIVERS:
         return driver
     if driver != FASTEST:
