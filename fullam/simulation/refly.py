@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.run import Run
-from fullam.simulation.simulate import simulate
+from fullam.simulation.simulate import prepare, simulate
 
 
 def refly(run: Run) -> Run:
@@ -16,6 +17,24 @@ def refly(run: Run) -> Run:
         run.controller,
         driver=run.driver,
         throw=False,
+        vehicle=run.vehicle,
+        seed=run.seed,
+        weather=run.weather,
+        settings=run.settings,
+        simulation=run.simulation,
+    )
+
+
+def plan_of(run: Run) -> FlightPlan:
+    """What a record is the flight of.
+
+    Raises:
+        UnknownName: Its law or its estimator is not registered here.
+        SettingsError: The law takes other settings here.
+    """
+    return prepare(
+        run.scenario,
+        run.controller,
         vehicle=run.vehicle,
         seed=run.seed,
         weather=run.weather,
