@@ -18,6 +18,7 @@ from fullam.analysis.atlas.loads import load_of
 from fullam.analysis.atlas.rays import attained
 from fullam.analysis.foresight import reach_warning
 from fullam.analysis.margins import LoopMargins, flight_margins
+from fullam.analysis.metrics import measure
 from fullam.analysis.pushed import as_kernels
 from fullam.control.controllers import recommended_estimator
 from fullam.dynamics.rotations import quaternion_rotation
@@ -47,7 +48,8 @@ class Finding:
     """Something that was in a flight's way.
 
     Attributes:
-        kind: "margin", "estimator", "delay", "swing", "reach", "saturation", "gusts" or "governor".
+        kind: "margin", "estimator", "delay", "swing", "reach", "saturation", "gusts",
+            "governor", or "unsettled" where there is nothing else.
         what: What was found.
         remedy: What to change.
     """
@@ -74,7 +76,8 @@ def diagnose(run: Run) -> list[Finding]:
     if not len(run):
         return []
     vehicle = run.vehicle
-    return [finding for look in LOOKS for finding in look(run, vehicle)]
+    found = [finding for look in LOOKS for finding in look(run, vehicle)]
+    return found or _unsettled(run, vehicle)
 
 
 def _reach(run: Run, vehicle: Vehicle) -> list[Finding]:
@@ -100,7 +103,7 @@ def _loop(run: Run, vehicle: Vehicle) -> list[Finding]:
         flown = plan.simulation.estimator
         what = f"{run.controller} flew with the estimator {flown}"
         return [] if flown == own else [Finding("estimator", what, right)]
-    if delay > 0.0:
+    if delay > 0.0 and not found.stable:
         prompt = _margins(replace(plan, simulation=replace(plan.simulation, delay=0.0)))
         if prompt is not None and prompt.delay is not None and prompt.enough:
             return [
@@ -108,7 +111,7 @@ def _loop(run: Run, vehicle: Vehicle) -> list[Finding]:
                     "delay",
                     f"the pose arrives {1e3 * delay:.0f} ms late and the loop bears "
                     f"{1e3 * prompt.delay:.0f} ms: {found.worst}",
-                    "a faster sensor, lower gains, or an estimator that carries the pose to now",
+                    "a faster sensor, lower gains, or an estimator that makes up for it (kalman)",
                 )
             ]
     remedy = "lower its gains, make rotors or control faster, or fly a law that knows the arm"
@@ -160,9 +163,9 @@ def _saturation(run: Run, vehicle: Vehicle) -> list[Finding]:
         often = np.flatnonzero(time >= max(0.5 * time.max(), 0.05 * run.saturated.sum() * period))
         if often.size:
             names = ", ".join(rotors.names[i] for i in often)
+            where = _side(rotors.positions[often])
             parts.append(
-                f"{names} ({_side(rotors.positions[often])}) at their {side} speed for "
-                f"{time[often].min():.2f} to {time[often].max():.2f} s"
+                f"{names} ({where}) at the {side} speed for up to {time[often].max():.2f} s"
             )
     what = (
         f"bounds of the rotors cost wrench for {run.saturated.sum() * period:.2f} s of "
@@ -217,6 +220,18 @@ def _governor(run: Run, vehicle: Vehicle) -> list[Finding]:
             "ask for less tilt or more slowly (--shape), or --governor off to insist on it",
         )
     ]
+
+
+def _unsettled(run: Run, vehicle: Vehicle) -> list[Finding]:
+    """Nothing was in its way, and yet an axis does not settle."""
+    axes = measure(run, vehicle).axes.items()
+    late = [(name, axis) for name, axis in axes if axis.settling_time_s is None]
+    if not late:
+        return []
+    told = ", ".join(f"{name} ({axis.rms:.2g} {axis.unit} RMS)" for name, axis in late)
+    own = recommended_estimator("dc-pid-plus")
+    remedy = f"see it --calm; a longer flight, or less noise to the law (dc-pid-plus with {own})"
+    return [Finding("unsettled", f"{told} does not stay in its band", remedy)]
 
 
 LOOKS: tuple[Callable[[Run, Vehicle], list[Finding]], ...] = (

@@ -187,7 +187,7 @@ def axis_margin(found: Answers, i: int, spare: float = 0.0) -> AxisMargin:
     h, axis = found.commands[:, i], found.axes[i]
     if not dies_down(h):
         return AxisMargin(axis, False, None, None, None, None, ringing_of(h, found.period))
-    w = np.geomspace(LOWEST, 0.999 * np.pi / found.period, FREQUENCIES)
+    w: Array = np.geomspace(LOWEST, 0.999 * np.pi / found.period, FREQUENCIES)
     L = open_loop(h, w * found.period) * np.exp(-1j * w * spare)
     turn, size = np.angle(-L), np.abs(L)
     at = np.flatnonzero((size[:-1] - 1.0) * (size[1:] - 1.0) < 0.0)
@@ -213,7 +213,8 @@ def open_loop(h: Array, angles: Array) -> NDArray[np.complex128]:
     last = len(h) // 3
     fade[-last:] = 0.5 * (1.0 + np.cos(np.pi * np.arange(last) / last))
     # sum_k h_k z^-k by Horner's rule: a table of all powers would fill the memory at 1 kHz.
-    T, back = np.zeros(len(angles), dtype=complex), np.exp(-1j * angles)
+    T: NDArray[np.complex128] = np.zeros(len(angles), dtype=complex)
+    back = np.exp(-1j * angles)
     for value in (h * fade)[::-1]:
         T = T * back + value
     loop: NDArray[np.complex128] = -T / (1.0 + T)
@@ -235,7 +236,10 @@ def ringing_of(h: Array, period: float) -> float:
     if len(rest) < 2:
         return 0.0
     time = np.arange(len(rest))
+    level = np.abs(rest).max()
     rest = rest - np.polyval(np.polyfit(time, rest, 1), time)
+    if np.abs(rest).max() <= 1e-6 * level:
+        return 0.0
     bins = 8 * len(rest)
     spectrum = np.abs(np.fft.rfft(rest * np.hanning(len(rest)), bins))
     return float(spectrum.argmax() / (bins * period))
