@@ -84,7 +84,8 @@ class Apart:
             if line.startswith("{"):  # packages may have something to say
                 answer: dict[str, Any] = json.loads(line)
                 return answer
-        raise RuntimeError(f"{self._process.args} ended with {self._process.wait()}")
+        self.close()
+        raise RuntimeError(f"{self._process.args} ended with {self._process.returncode}")
 
     def close(self) -> None:
         """End it."""

@@ -107,12 +107,16 @@ class Meter:
             timer: What the unit is timed with; must be the benchmark's own timer.
         """
         unit, ratios = rnea_timer(vehicle, timer), []
+        processor: list[float] = []
 
         def setup() -> tuple[tuple[Any], dict[str, Any]]:
             ratios.append(unit())
             return (prepare(),), {}
 
-        benchmark.pedantic(_work, setup=setup, rounds=rounds, warmup_rounds=min(1, rounds - 1))
+        def work(burst: Callable[[], Any]) -> None:
+            processor.append(processor_time(burst, calls))
+
+        benchmark.pedantic(work, setup=setup, rounds=rounds, warmup_rounds=min(1, rounds - 1))
         if not benchmark.enabled:
             return row
         times = [t / calls for t in benchmark.stats.stats.data]
@@ -120,6 +124,9 @@ class Meter:
         self.units += [u * 1e6 for u in units]
         row.us = statistics.median(times) * 1e6
         row.re = statistics.median(t / u for t, u in zip(times, units, strict=True))
+        if timer is time.perf_counter:
+            took = f"{statistics.median(processor) * 1e6:.3g} us of processor"
+            row.note = "; ".join(text for text in (took, row.note) if text)
         if row.unit in ("RE", "us"):
             row.value = row.re if row.unit == "RE" else row.us
         self.add(benchmark, row)

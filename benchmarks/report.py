@@ -18,19 +18,20 @@ def figures(meter: Meter) -> list[str]:
         lines.append(f"RE = {unit:.2f} us, the median of {len(meter.units)}")
     for group in dict.fromkeys(row.group for row in meter.rows):
         rows = [row for row in meter.rows if row.group == group]
-        head = f"{'us':>9}{'RE':>8}{'x C++':>7}{rows[0].unit:>15}{'must':>7}{'aim':>7}"
-        lines += ["", group, f"  {'':<46}{head}", *map(_line, rows)]
+        width = max(len(row.name) for row in rows)
+        head = f"{'us':>9}{'RE':>8}{'x C++':>7}{rows[0].unit:>8}{'must':>7}{'aim':>7}"
+        lines += ["", group, f"  {'':<{width}}{head}", *(_line(row, width) for row in rows)]
     return lines + [""] + [f"not run: {reason}" for reason in meter.skipped]
 
 
-def _line(row: Row) -> str:
+def _line(row: Row, width: int) -> str:
     re = "" if row.re is None else _digits(row.re)
     over = "" if None in (row.floor, row.re) else f"{row.re / row.floor:.1f}"
-    value = "" if row.value is None else f"{row.value:.3g}"
+    value = "" if row.value is None else _figure(row.value)
     must, aim = ("" if x is None else f"{x:g}" for x in (row.must, row.aim))
     kept = "; ".join(text for text in (row.verdict, row.note) if text)
-    us = _digits(row.us)
-    line = f"  {row.name:<46}{us:>9}{re:>8}{over:>7}{value:>15}{must:>7}{aim:>7}  {kept}"
+    us = _digits(row.us) if row.us else ""
+    line = f"  {row.name:<{width}}{us:>9}{re:>8}{over:>7}{value:>8}{must:>7}{aim:>7}  {kept}"
     return line.rstrip()
 
 
@@ -40,13 +41,18 @@ def _digits(number: float) -> str:
     return f"{number:.{decimals}f}"
 
 
+def _figure(number: float) -> str:
+    """Three digits, and all of a large number."""
+    return f"{number:.0f}" if abs(number) >= 1000.0 else f"{number:.3g}"
+
+
 def bounds(meter: Meter) -> list[str]:
     """The rows that keep a promise, as a table in Markdown."""
     lines = ["| what | measured | must | aim | |", "|---|---|---|---|---|"]
     for row in meter.rows:
         if row.promise and row.value is not None:
             unit = "x" if row.unit.startswith("x") else row.unit
-            numbers = (f"{number:.3g} {unit}" for number in (row.value, row.must, row.aim))
+            numbers = (f"{_figure(x)} {unit}" for x in (row.value, row.must, row.aim))
             lines.append(f"| {row.promise} | {' | '.join(numbers)} | {row.verdict} |")
     return lines
 

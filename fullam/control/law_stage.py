@@ -32,7 +32,7 @@ class LawStage:
 
     def command(self, view: Any, k: int) -> None:
         """Ask for a wrench, given a `CommandView` whose joints are `JointMotion`s."""
-        law, estimate, target = self._law, view.estimate[0], view.targets[k]
+        law, estimate, target = self._law, view.estimate[0], view.target[0]
         motions = view.joints[k * int(view.joint_rows[0])]
         if self._as_kernels:
             assert isinstance(law, KernelLaw)

@@ -60,6 +60,7 @@ COLUMNS: dict[str, Column] = {
     "delivered": Column(6, "N, N m", "wrench of the allocated speeds, world axes at {A}"),
     "residual": Column(6, "N, N m", "delivered minus commanded, {A} axes; 0 in reach"),
     "saturated": Column(0, "", "whether a bound kept the allocation from the command"),
+    "given_up": Column(0, "", "share of the target's tilt that the governor took back"),
     "rotor_commands": Column("rotors", "rad/s", "speeds asked of the rotors"),
     "rotor_speeds": Column("rotors", "rad/s", "true speeds"),
     "rotor_wrench": Column(6, "N, N m", "true wrench of the rotors, world axes at {A}"),
@@ -70,7 +71,7 @@ COLUMNS: dict[str, Column] = {
 
 LOGGED = (
     *("pose", "velocity", "measured_pose", "measured_velocity", "u_pid", "u_dc", "command"),
-    *("residual", "saturated", "rotor_commands", "rotor_speeds"),
+    *("residual", "saturated", "given_up", "rotor_commands", "rotor_speeds"),
 )
 """Columns that are written tick by tick; the others follow from them and the plan."""
 
@@ -122,6 +123,7 @@ class Run:
     delivered: Array
     residual: Array
     saturated: Array
+    given_up: Array
     rotor_commands: Array
     rotor_speeds: Array
     rotor_wrench: Array

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from fullam.checks import Checker, Range, positive
+from fullam.checks import Checker, Range, positive, shown
 from fullam.control.estimators import estimator_class, make_estimator_settings
+from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 
@@ -42,6 +43,8 @@ class SimulationSettings:
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
         estimator: Name of the estimator.
         estimator_settings: Those of the estimator's settings that differ from its defaults.
+        governor: Takes the target's tilt back while force is short; "off" for none, a mapping
+            for other settings than the default ones.
         max_position_error: Farther than this from the reference [m] the flight has diverged.
         max_attitude_error_deg: The same for the angle to the reference attitude [deg].
     """
@@ -53,6 +56,7 @@ class SimulationSettings:
     delay: float = 0.0
     estimator: str = "first-order"
     estimator_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    governor: Governor | Mapping[str, float] | str | None = field(default_factory=Governor)
     max_position_error: float = 5.0
     max_attitude_error_deg: float = 120.0
 
@@ -65,6 +69,7 @@ class SimulationSettings:
         integrator(CHECK.text("integrator", self.integrator))
         estimator_class(CHECK.text("estimator", self.estimator))
         self._own_estimator_settings()
+        object.__setattr__(self, "governor", _governor(self.governor))
         self._multiple("control_period", self.control_period, "plant_period", self.plant_period)
         self._multiple("pose_period", self.pose_period, "control_period", self.control_period)
         if self.delay != 0.0:
@@ -126,7 +131,8 @@ class SimulationSettings:
     def to_dict(self) -> dict[str, Any]:
         """JSON values."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        return data | {"estimator_settings": dict(self.estimator_settings)}
+        governor = asdict(self.governor) if isinstance(self.governor, Governor) else "off"
+        return data | {"estimator_settings": dict(self.estimator_settings), "governor": governor}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:
@@ -134,3 +140,17 @@ class SimulationSettings:
         values = CHECK.table("settings", data)
         CHECK.known(values, tuple(f.name for f in fields(cls)))
         return cls(**values)
+
+
+def _governor(given: Any) -> Governor | None:
+    """The governor that was asked for."""
+    if given is None or isinstance(given, Governor):
+        return given
+    if isinstance(given, str) and given in ("on", "off"):
+        return Governor() if given == "on" else None
+    known = [f.name for f in fields(Governor)]
+    if not isinstance(given, Mapping) or set(given) - set(known):
+        raise CHECK.refuse(
+            "governor", f"is {shown(given)}", f"give 'on', 'off', or some of {', '.join(known)}"
+        )
+    return Governor(**given)
