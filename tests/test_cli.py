@@ -204,10 +204,12 @@ def test_flight_that_would_end_before_its_first_tick_is_refused(fullam, scenario
 def test_check_reports_capability_and_agreement(fullam):
     code, out, err = fullam("check", "fullam", "--samples", 50)
     assert (code, err) == (OK, "")
-    assert "rank of the coupling matrix      6 of 6" in out
-    assert "fully actuated                   yes" in out
-    assert "acceleration" in out
-    assert re.search(r"fully actuated +no\n", fullam("check", "borinot", "--samples", 50)[1])
+    words = " ".join(out.split())
+    assert "fully actuated yes" in words
+    assert "rank of the coupling matrix 6 of 6" in words
+    assert "acceleration" in words
+    words = " ".join(fullam("check", "borinot", "--samples", 50)[1].split())
+    assert "fully actuated no" in words
     data = json.loads(fullam("check", "borinot", "--samples", 50, "--json")[1])
     assert data["capability"]["rank"] == 4
     assert data["agreement"]["largest"] < data["agreement"]["tolerance"]
@@ -247,8 +249,8 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
         (["run", "task-1", "--weather", "x"], "Known: calm"),
         (["run", "task-1", "--estimator", "x"], "Known: .*first-order"),
         (["run", "task-1", "--calm", "--weather", "paper"], "give one of the two"),
-        (["run", "task-1", "--seed", "-1"], "no whole number, from 0"),
-        (["run", "task-1", "--seed", "x"], "no whole number, from 0"),
+        (["run", "task-1", "--seed", "-1"], "give 0 or more"),
+        (["run", "task-1", "--seed", "x"], "invalid int"),
         (["run", "task-1", "--control-rate", "300"], "give a whole multiple"),
         (["run", "task-1", "--control-rate", "0"], "no rate in Hz"),
         (["run", "task-1", "--out", "run.txt"], "does not end in .npz"),
@@ -263,7 +265,7 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
         (["compare", "task-1", "--controllers", ","], "no names given"),
         (["compare", "task-1", "--controllers", "dc-pid,x"], "unknown controller 'x'"),
         (["check", "no/such.toml"], "cannot be read"),
-        (["check", "fullam", "--samples", "0"], "no whole number, from 1"),
+        (["check", "fullam", "--samples", "0"], "whole number above 0"),
     ],
 )
 def test_bad_usage_exits_2_with_a_message_and_no_results(fullam, arguments, message):

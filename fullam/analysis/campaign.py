@@ -326,9 +326,10 @@ def _flown(
     elif jobs > 1:
         here = [key for key in pending if campaign.drivers[key[1]] == "fused"]
         there = [key for key in pending if campaign.drivers[key[1]] != "fused"]
-    # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-    with threadpool_limits(1):
-        yield from campaign.fly(here, jobs)
+    if here:
+        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
+        with threadpool_limits(1):
+            yield from campaign.fly(here, jobs)
     if not there:
         return
     batches = []

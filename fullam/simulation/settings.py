@@ -56,7 +56,7 @@ class SimulationSettings:
     delay: float = 0.0
     estimator: str = "first-order"
     estimator_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    governor: Governor | Mapping[str, float] | str | None = field(default_factory=Governor)
+    governor: Any = field(default_factory=Governor)
     max_position_error: float = 5.0
     max_attitude_error_deg: float = 120.0
 

@@ -74,8 +74,8 @@ class Tables:
         half_angle = 0.5 * np.radians(min(s.max_attitude_error_deg, 360.0))
         every = max(1, round(DIVERGENCE_PERIOD / s.control_period))
         self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
-        self.is_governed = isinstance(s.governor, Governor)
-        governor = s.governor if isinstance(s.governor, Governor) else Governor()
+        governor: Governor = s.governor or Governor()
+        self.is_governed = s.governor is not None
         self.governor = governor.numbers(nominal.mass * nominal.gravity, s.control_period)
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
