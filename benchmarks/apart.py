@@ -61,14 +61,21 @@ def first_times(law: str, cache: Path | None) -> dict[str, float]:
 class Apart:
     """A process that is asked for one burst after the other, and answers each in a line."""
 
-    def __init__(self, command: list[str], env: dict[str, str] | None = None) -> None:
-        """Start it and wait until it is ready.
+    def __init__(
+        self, command: list[str], env: dict[str, str] | None = None, cwd: Path | None = None
+    ) -> None:
+        """Start it, in a folder if one is given, and wait until it is ready.
 
         Raises:
             RuntimeError: It ended.
         """
         self._process = subprocess.Popen(
-            command, env=env, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            command,
+            env=env,
+            cwd=cwd,
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
         )
         self.ready = self._read()
 
@@ -96,9 +103,11 @@ class Apart:
 
 
 @contextmanager
-def apart(command: list[str], env: dict[str, str] | None = None) -> Iterator[Apart]:
+def apart(
+    command: list[str], env: dict[str, str] | None = None, cwd: Path | None = None
+) -> Iterator[Apart]:
     """A process for as long as it is needed."""
-    process = Apart(command, env)
+    process = Apart(command, env, cwd)
     try:
         yield process
     finally:
@@ -117,11 +126,13 @@ def time_first(law: str) -> dict[str, float]:
     import workloads
     from meter import processor_time, rnea_timer
 
+    from fullam.analysis.judged import fly_judged
+
     flown = workloads.plan(steps=50, law=law)
     unit = rnea_timer(flown.nominal, time.process_time)
     before = unit()
     flight = processor_time(lambda: workloads.fused.fly(flown), 1)
-    campaign = processor_time(lambda: list(workloads.fly_judged(flown, 8, 1)), 1)
+    campaign = processor_time(lambda: list(fly_judged(flown, range(8))), 1)
     return {"flight": flight, "campaign": campaign, "re": 0.5 * (before + unit())}
 
 

@@ -11,6 +11,8 @@ import workloads
 from meter import Row
 from workloads import Fleet, Tables
 
+from fullam.analysis.campaign import Campaign, sweep
+from fullam.analysis.judged import fly_judged
 from fullam.simulation.many import LANES
 
 THREADS = 2
@@ -22,6 +24,12 @@ FLOWN = "Flights, all realism, drawn before, 8 lanes, 1 thread and record unless
 SWEPT = (
     "Campaigns as `sweep` flies them: drawn, flown, judged, a row a flight; a step, by the clock"
 )
+SWEPT_LAWS = {
+    "dc-pid": ("first-order", "dc-PID", 0.45, 0.18),
+    "dc-pid-plus": ("kalman", "dc-PID+ with Kalman", 0.9, 0.32),
+}
+"""Estimator, name in the table of bounds, must and aim of a campaign [RE]."""
+
 GROWTH = f"Growth of a campaign with its flights, {THREADS} threads, a step, by the clock"
 
 
@@ -73,27 +81,40 @@ def test_figures(benchmark, meter, steps):
     """The figures alone, of tracks that are there."""
     flown = workloads.plan(steps=steps)
     fleet = Fleet(flown, keep="track")
-    rows, seeds = workloads.judging(workloads.judge_of(flown), fleet.blocks[0]), range(LANES)
+    judge = workloads.judging(flown, fleet.blocks[0])
     row = Row(FLOWN, "figures alone", 0.0, unit="RE")
-    meter.measure(benchmark, lambda: lambda: rows(seeds), fleet.steps, flown.nominal, row)
+    meter.measure(benchmark, lambda: judge, fleet.steps, flown.nominal, row)
 
 
 @CLOCK
 @pytest.mark.parametrize("threads", [1, THREADS])
-@pytest.mark.parametrize(
-    ("law", "estimator", "must", "aim"),
-    [("dc-pid", "first-order", 0.45, 0.18), ("dc-pid-plus", "kalman", 0.9, 0.32)],
-)
-def test_sweep(benchmark, meter, steps, flights, threads, law, estimator, must, aim):
+@pytest.mark.parametrize("law", SWEPT_LAWS)
+def test_sweep(benchmark, meter, steps, flights, threads, law):
+    estimator, title, must, aim = SWEPT_LAWS[law]
     flown = workloads.plan(steps=steps, law=law, estimator=estimator)
     row = Row(SWEPT, f"{law}, {estimator}, {flights} flights, {threads} threads", 0.0, unit="RE")
     if threads == THREADS:
         row.must, row.aim = must, aim
-        title = {"dc-pid": "dc-PID", "dc-pid-plus": "dc-PID+ with Kalman"}[law]
         row.promise = f"{title} campaign with weather, vehicles and metrics, 2 threads, a step"
 
     def work():
-        assert sum(1 for _ in workloads.fly_judged(flown, flights, threads)) == flights
+        assert sum(map(len, fly_judged(flown, range(flights), threads=threads))) == flights
+
+    calls = flights * steps
+    meter.measure(benchmark, lambda: work, calls, flown.nominal, row, 5, timer=time.perf_counter)
+
+
+@CLOCK
+def test_sweep_to_a_file(benchmark, meter, steps, flights, tmp_path):
+    """The call that a user makes, with its file of rows."""
+    flown, out = workloads.plan(steps=steps), tmp_path / "sweep.parquet"
+    campaign = Campaign(
+        (flown.scenario,), ("dc-pid",), tuple(range(flights)), simulation=flown.simulation
+    )
+    row = Row(SWEPT, f"sweep(), to its file, {flights} flights, {THREADS} jobs", 0.0, unit="RE")
+
+    def work():
+        assert len(sweep(campaign, out, jobs=THREADS, overwrite=True)) == flights
 
     calls = flights * steps
     meter.measure(benchmark, lambda: work, calls, flown.nominal, row, 5, timer=time.perf_counter)
@@ -110,7 +131,7 @@ def test_growth(benchmark, meter, steps, smoke, flights, exponent):
         row.name = f"{count} flights (more with --flights)"
 
     def work():
-        assert sum(1 for _ in workloads.fly_judged(flown, count, THREADS)) == count
+        assert sum(map(len, fly_judged(flown, range(count), threads=THREADS))) == count
 
     rounds, calls = (5 if count <= 1000 else 1), count * steps
     meter.measure(

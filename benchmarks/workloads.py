@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from fullam.analysis.asked_motion import AskedMotion
-from fullam.analysis.judge import Judge
-from fullam.analysis.metrics import noise_floors, rows_of
+from fullam.analysis.judge import Figures
+from fullam.analysis.judged import judge_of
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Measurement, ReferencePoint
 from fullam.control.controllers import make_controller
@@ -26,7 +24,7 @@ from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.fused import Fused
-from fullam.simulation.many import LANES, fly_blocks
+from fullam.simulation.many import LANES
 from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.scenario import AXES, Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -138,34 +136,15 @@ class Fleet:
         return float(np.mean([block.entries["saturated"].mean() for block in self.blocks]))
 
 
-def judge_of(flown: FlightPlan) -> Judge:
-    """How the flights of a plan are judged."""
-    return Judge(
-        AskedMotion.of(flown.t, flown.asked.pose, np.array(flown.scenario.initial_pose)),
-        np.array(flown.scenario.axes_mask),
-        noise_floors(flown.weather),
-        flown.nominal.mass * flown.nominal.gravity,
-    )
+def judging(flown: FlightPlan, block: Block) -> Callable[[], Figures]:
+    """A function that judges what a block has flown, as a campaign does."""
+    of_track, flights = judge_of(flown).over(block.track), range(block.lanes)
 
+    def figures() -> Figures:
+        rows, outcomes = zip(*(block.ending(lane) for lane in flights), strict=True)
+        return of_track.figures(rows, [outcome == "diverged" for outcome in outcomes])
 
-def judging(judge: Judge, block: Block) -> Callable[[Sequence[int]], list[dict[str, Any]]]:
-    """A function from the seeds that a block has flown to their rows, as a campaign keeps them."""
-    of_track = judge.over(block.track)
-
-    def rows(some: Sequence[int]) -> list[dict[str, Any]]:
-        flown, outcomes = zip(*(block.ending(lane) for lane in range(len(some))), strict=True)
-        return rows_of(of_track.figures(flown, [outcome == "diverged" for outcome in outcomes]))
-
-    return rows
-
-
-def fly_judged(flown: FlightPlan, flights: int, threads: int) -> Iterator[dict[str, Any]]:
-    """A plan under many seeds, as a campaign flies it: drawn, flown and judged; a row a flight."""
-    judge = judge_of(flown)
-    blocks = fly_blocks(
-        flown, range(flights), lambda b: judging(judge, b), keep="track", threads=threads
-    )
-    return itertools.chain.from_iterable(blocks)
+    return figures
 
 
 @dataclass(frozen=True, eq=False)

@@ -204,10 +204,12 @@ def test_flight_that_would_end_before_its_first_tick_is_refused(fullam, scenario
 def test_check_reports_capability_and_agreement(fullam):
     code, out, err = fullam("check", "fullam", "--samples", 50)
     assert (code, err) == (OK, "")
-    assert "rank of the coupling matrix      6 of 6" in out
-    assert "fully actuated                   yes" in out
-    assert "acceleration" in out
-    assert "fully actuated                   no" in fullam("check", "borinot", "--samples", 50)[1]
+    words = " ".join(out.split())
+    assert "fully actuated yes" in words
+    assert "rank of the coupling matrix 6 of 6" in words
+    assert "acceleration" in words
+    words = " ".join(fullam("check", "borinot", "--samples", 50)[1].split())
+    assert "fully actuated no" in words
     data = json.loads(fullam("check", "borinot", "--samples", 50, "--json")[1])
     assert data["capability"]["rank"] == 4
     assert data["agreement"]["largest"] < data["agreement"]["tolerance"]

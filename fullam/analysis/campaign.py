@@ -24,6 +24,7 @@ from fullam.analysis.cluster import Scheduler, checked_jobs, open_workers
 from fullam.analysis.contender import Contender
 from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.provenance import cached_vehicle
+from fullam.checks import Checker, shown
 from fullam.control.controllers import controller_class, register
 from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import CampaignError
@@ -82,18 +83,26 @@ class Campaign:
         Raises:
             FullamError: An unknown name, a scenario that does not fit its vehicle, ...
         """
+        check = Checker("campaign", CampaignError)
+        for what in ("scenarios", "contenders", "seeds"):
+            given = getattr(self, what)
+            if not (
+                isinstance(given, list | tuple | range)
+                or (isinstance(given, np.ndarray) and given.ndim)
+            ):
+                raise check.refuse(what, f"is {shown(given)}", "give a tuple of them")
+        check.instance("simulation", self.simulation, SimulationSettings)
+        check.text("driver", self.driver)
+        check.flag("traces", self.traces)
+        if self.weather is not None:
+            check.instance("weather", self.weather, (str, Weather))
         scenarios = tuple(
             s if isinstance(s, Scenario) else load_scenario(s) for s in self.scenarios
         )
         contenders = tuple(
             c if isinstance(c, Contender) else Contender.parse(c) for c in self.contenders
         )
-        for seed in self.seeds:
-            if not isinstance(seed, int | np.integer) or seed < 0:
-                raise CampaignError(
-                    "campaign", "seed", f"is {seed!r}", "give whole numbers, 0 or more"
-                )
-        seeds = tuple(int(s) for s in self.seeds)
+        seeds = tuple(check.whole("seed", seed) for seed in self.seeds)
         weather = named_weather(self.weather) if isinstance(self.weather, str) else self.weather
         for what, names in (
             ("scenarios", [s.name for s in scenarios]),
@@ -317,9 +326,10 @@ def _flown(
     elif jobs > 1:
         here = [key for key in pending if campaign.drivers[key[1]] == "fused"]
         there = [key for key in pending if campaign.drivers[key[1]] != "fused"]
-    # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-    with threadpool_limits(1):
-        yield from campaign.fly(here, jobs)
+    if here:
+        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
+        with threadpool_limits(1):
+            yield from campaign.fly(here, jobs)
     if not there:
         return
     batches = []

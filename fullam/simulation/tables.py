@@ -74,7 +74,7 @@ class Tables:
         half_angle = 0.5 * np.radians(min(s.max_attitude_error_deg, 360.0))
         every = max(1, round(DIVERGENCE_PERIOD / s.control_period))
         self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
-        governor = s.governor or Governor()
+        governor: Governor = s.governor or Governor()
         self.is_governed = s.governor is not None
         self.governor = governor.numbers(nominal.mass * nominal.gravity, s.control_period)
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
