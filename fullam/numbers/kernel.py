@@ -120,5 +120,5 @@ def absolute(x):
 
 @kernel
 def clip(x, low, high):
-    """The number within [low, high]."""
-    return maximum(minimum(x, high), low)
+    """The number within [low, high]; NaN stays NaN, so that nobody takes a bound for an answer."""
+    return select(x < low, low, select(x > high, high, x))
