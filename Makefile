@@ -1,9 +1,10 @@
-# `make run` flies, `make test` checks, `make bench` times. Each makes what it needs in .venv.
+# `make run` flies, `make test` checks, `make bench` times, `make hostile` attacks for some hours.
+# Each makes what it needs in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test bench clean
+.PHONY: run test bench hostile clean
 
 run: $(VENV)/run.stamp
 	$(BIN)/fullam run task-2 --controller dc-pid --seed 0 --out out/task-2.npz --figure out/task-2.png
@@ -16,6 +17,10 @@ test: $(VENV)/test.stamp
 
 bench: $(VENV)/bench.stamp
 	$(BIN)/python -m pytest -q benchmarks
+
+hostile: $(VENV)/test.stamp
+	$(BIN)/python tests/hostile/lowest.py
+	$(BIN)/python tests/hostile/run.py
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

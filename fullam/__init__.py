@@ -8,6 +8,10 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
     print(fullam.measure(run))
 """
 
+# isort: off
+import fullam.interrupt  # first of all, so that Ctrl-C during the other imports is one line
+
+# isort: on
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -10,6 +10,9 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+LONGEST_NAME = 200
+"""More of an unknown name than this is not shown."""
+
 
 class FullamError(Exception):
     """Base of all errors raised on purpose by fullam."""
@@ -43,9 +46,10 @@ class UnknownName(FullamError):
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         """Compose the message, with the closest known name first if one is near."""
         self.kind, self.name, self.known = kind, name, tuple(known)
-        near = difflib.get_close_matches(name, self.known, n=1)
+        near = difflib.get_close_matches(name[:LONGEST_NAME], self.known, n=1)
         hint = f" Did you mean '{near[0]}'?" if near else ""
-        super().__init__(f"unknown {kind} '{name}'.{hint} Known: {', '.join(self.known)}.")
+        shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."
+        super().__init__(f"unknown {kind} '{shown}'.{hint} Known: {', '.join(self.known)}.")
 
 
 class InvalidInput(FullamError):

@@ -91,8 +91,8 @@ def equation(number: int) -> Equation:
 def _resolve(name: str) -> Any:
     parts = name.split(".")
     # fullam.<room>.<module>, then attributes.
-    target: Any = importlib.import_module(".".join(["fullam", *parts[:2]]))
-    for part in parts[2:]:
+    target: Any = importlib.import_module(".".join(parts[:3]))
+    for part in parts[3:]:
         target = getattr(target, part)
     return target
 

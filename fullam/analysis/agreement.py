@@ -8,20 +8,19 @@ goes its way alone; only the state and the parameters are shared.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fullam.analysis.random_states import CATEGORIES, States, random_states, randomized_inertias
+from fullam.checks import Checker
 from fullam.dynamics import matrix_system, newton_euler
 from fullam.dynamics.kinematics import link_acceleration, motion_of
 from fullam.dynamics.multibody import Multibody, world_acceleration
 from fullam.dynamics.rotations import turn
+from fullam.exceptions import SettingsError
 from fullam.model.chain import LinkChain
-
-if TYPE_CHECKING:
-    from fullam.model.vehicle import Vehicle
+from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -68,6 +67,10 @@ class AgreementRow:
     recursion_matrix: float
 
 
+MOST_SAMPLES = 10_000_000
+"""Random states that are compared within an hour or so."""
+
+
 @dataclass(frozen=True)
 class AgreementTable:
     """Agreement of the witnesses for one vehicle.
@@ -90,11 +93,16 @@ class AgreementTable:
 
     @property
     def largest(self) -> float:
-        """Largest relative difference in the table."""
-        return max(
-            max(row.recursion_pinocchio, row.matrix_pinocchio, row.recursion_matrix)
+        """Largest relative difference in the table; infinite where one is no number.
+
+        A comparison with NaN is false either way: as a difference it must not pass for agreement.
+        """
+        values = [
+            (row.recursion_pinocchio, row.matrix_pinocchio, row.recursion_matrix)
             for row in self.rows
-        )
+        ]
+        largest = float(np.max(values, initial=0.0))
+        return float("inf") if largest != largest or not values else largest
 
     def __str__(self) -> str:
         """The table as text, one quantity a line."""
@@ -184,8 +192,13 @@ def agreement(vehicle: Vehicle, samples: int = 1000, seed: int = 0) -> Agreement
         Largest relative differences in acceleration, f_1, tau_1 and u_dc.
 
     Raises:
+        SettingsError: No vehicle, or a number of samples or a seed that is none.
         VehicleError: The paper's equations do not hold for the arm; names the joint.
     """
+    check = Checker("agreement", SettingsError)
+    check.instance("vehicle", vehicle, Vehicle)
+    samples = check.whole("samples", samples, 1, MOST_SAMPLES)
+    seed = check.whole("seed", seed)
     rng = np.random.default_rng(seed)
     largest: dict[str, Array] = {}
     drawn, condition = 0, 0.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,12 @@ from fullam.analysis.cluster import Scheduler, checked_jobs, open_workers
 from fullam.analysis.contender import Contender
 from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.provenance import cached_vehicle
+from fullam.checks import Checker, shown
 from fullam.control.controllers import controller_class, register
 from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.kernel import KERNELS, kernel
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.progress import Progress
 from fullam.simulation.scenario import Scenario, load_scenario
@@ -62,6 +64,8 @@ class Campaign:
         vehicles: Vehicle of each name that a scenario has, as its files were when this was made.
         registered: Classes that fly here and are not fullam's own, by "controller NAME" or
             "estimator NAME".
+        kernels: Kernels of those classes' modules: a worker that gets them by value has to be told
+            that they are kernels.
         drivers: Driver that flies each contender, by its label.
     """
 
@@ -74,6 +78,7 @@ class Campaign:
     traces: bool = False
     vehicles: dict[str, Vehicle] = field(init=False, repr=False, compare=False)
     registered: dict[str, type] = field(init=False, repr=False, compare=False)
+    kernels: tuple[Callable[..., Any], ...] = field(init=False, repr=False, compare=False)
     drivers: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -82,18 +87,26 @@ class Campaign:
         Raises:
             FullamError: An unknown name, a scenario that does not fit its vehicle, ...
         """
+        check = Checker("campaign", CampaignError)
+        for what in ("scenarios", "contenders", "seeds"):
+            given = getattr(self, what)
+            if not (
+                isinstance(given, list | tuple | range)
+                or (isinstance(given, np.ndarray) and given.ndim)
+            ):
+                raise check.refuse(what, f"is {shown(given)}", "give a tuple of them")
+        check.instance("simulation", self.simulation, SimulationSettings)
+        check.text("driver", self.driver)
+        check.flag("traces", self.traces)
+        if self.weather is not None:
+            check.instance("weather", self.weather, (str, Weather))
         scenarios = tuple(
             s if isinstance(s, Scenario) else load_scenario(s) for s in self.scenarios
         )
         contenders = tuple(
             c if isinstance(c, Contender) else Contender.parse(c) for c in self.contenders
         )
-        for seed in self.seeds:
-            if not isinstance(seed, int | np.integer) or seed < 0:
-                raise CampaignError(
-                    "campaign", "seed", f"is {seed!r}", "give whole numbers, 0 or more"
-                )
-        seeds = tuple(int(s) for s in self.seeds)
+        seeds = tuple(check.whole("seed", seed) for seed in self.seeds)
         weather = named_weather(self.weather) if isinstance(self.weather, str) else self.weather
         for what, names in (
             ("scenarios", [s.name for s in scenarios]),
@@ -109,6 +122,8 @@ class Campaign:
         vehicles = {s.vehicle: cached_vehicle(s.vehicle) for s in scenarios}
         self._fix(scenarios=scenarios, contenders=contenders, seeds=seeds, weather=weather)
         self._fix(vehicles=vehicles, registered=self._registered())
+        own = {cls.__module__ for cls in self.registered.values()}
+        self._fix(kernels=tuple(k for k in KERNELS if k.__module__ in own))
         usual = self.simulation.estimator
         drivers = {
             c.label: driver_of(c.controller, c.estimator or usual, self.driver) for c in contenders
@@ -232,6 +247,9 @@ def fly_slice(campaign: Campaign, conditions: dict[str, Any], keys: list[Key]) -
     for name, cls in campaign.registered.items():
         kind, _, called = name.partition(" ")
         (register if kind == "controller" else register_estimator)(called)(cls)
+    for function in campaign.kernels:
+        if function not in KERNELS:
+            kernel(function)
     here = campaign.conditions()
     differing = sorted(k for k in conditions if conditions[k] != here[k])
     if differing:
@@ -317,9 +335,10 @@ def _flown(
     elif jobs > 1:
         here = [key for key in pending if campaign.drivers[key[1]] == "fused"]
         there = [key for key in pending if campaign.drivers[key[1]] != "fused"]
-    # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-    with threadpool_limits(1):
-        yield from campaign.fly(here, jobs)
+    if here:
+        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
+        with threadpool_limits(1):
+            yield from campaign.fly(here, jobs)
     if not there:
         return
     batches = []

@@ -24,14 +24,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fullam.analysis.campaign_table import (
-    METADATA,
     SCHEMA,
     CampaignTable,
     Cells,
     Key,
     read_campaign,
-    stamp,
     table_of,
+    table_stamp,
 )
 from fullam.analysis.provenance import canonical_json, fingerprint
 from fullam.exceptions import CampaignError
@@ -83,7 +82,6 @@ class CampaignStore:
         self.path = Path(path)
         self.parts = self.path.with_name(self.path.name + ".parts")
         self._identity = json.loads(canonical_json(identity))
-        self._stamp = {METADATA: stamp(self._identity)}
         self._tables: list[pa.Table] = []
         self._buffer: list[Cells] = []
         self._since = self._last = 0.0
@@ -163,9 +161,8 @@ class CampaignStore:
         names = (table.column(n).to_pylist() for n in ("scenario", "contender", "seed"))
         name = fingerprint([list(key) for key in zip(*names, strict=True)])
         with atomic_path(self.parts / f"{kind}-{name}.parquet") as temporary:
-            pq.write_table(
-                table.replace_schema_metadata(self._stamp), temporary, write_page_checksum=True
-            )
+            stamped = table.replace_schema_metadata(table_stamp(table, self._identity))
+            pq.write_table(stamped, temporary, write_page_checksum=True)
 
     def finish(self, order: Iterable[Key]) -> CampaignTable:
         """Write the result in canonical order and drop the parts.
@@ -189,7 +186,7 @@ class CampaignStore:
         chosen = set(wanted)
         rest = sorted(key for key in at if key not in chosen)
         table = table.take([at[key] for key in wanted + rest]).combine_chunks()
-        table = table.replace_schema_metadata(self._stamp)
+        table = table.replace_schema_metadata(table_stamp(table, self._identity))
         with atomic_path(self.path) as temporary:
             pq.write_table(
                 table,

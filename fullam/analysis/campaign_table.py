@@ -1,7 +1,7 @@
 """The rows of a campaign: columns of a Parquet file, made of judged flights and read back.
 
-Pages carry checksums, which are verified on reading; what is read must have all columns of
-`SCHEMA`, in their types, and a stamp that says what was flown.
+Pages carry checksums and the stamp, which says what was flown, a digest of itself and all rows;
+both are verified on reading. What is read must have all columns of `SCHEMA`, in their types.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from fullam.analysis.judge import COLUMN
 from fullam.analysis.judged import Judged
 from fullam.analysis.metrics import AXIS_FIGURES, FLIGHT_FIGURES, UNITS, Metrics, axis_key
 from fullam.analysis.provenance import canonical_json
+from fullam.analysis.table_digest import table_digest
 from fullam.exceptions import CampaignError, MissingDependency
 from fullam.simulation.scenario import AXES
 
@@ -33,7 +34,7 @@ Key = tuple[str, str, int]
 """(scenario, contender, seed): what names a row."""
 
 FORMAT = "fullam-campaign-3"
-METADATA = b"fullam"
+METADATA, DIGEST = b"fullam", b"fullam-digest"
 _TEXTS = ("scenario", "contender", "controller", "estimator", "outcome", "reason")
 _FLAGS = ("settled", "diverged")
 
@@ -199,10 +200,15 @@ def read_campaign(path: str | Path) -> CampaignTable:
         ) from error
     # Parquet comes back with details of its own (names of inner fields): one schema for all.
     table = table.cast(SCHEMA)
+    stamp = table_stamp(table, identity)
+    if stamp[DIGEST] != (file.schema_arrow.metadata or {}).get(DIGEST):
+        raise CampaignError(
+            where, "digest", "is not that of stamp and rows", "it is damaged: sweep again"
+        )
     for name in ("scenario", "contender", "seed", "outcome"):
         if table.column(name).null_count:
             raise CampaignError(where, name, "is empty in some rows", "remove it and sweep again")
-    return CampaignTable(table.replace_schema_metadata({METADATA: stamp(identity)}), identity)
+    return CampaignTable(table.replace_schema_metadata(stamp), identity)
 
 
 def _identity(schema: pa.Schema, where: str) -> dict[str, Any]:
@@ -237,6 +243,7 @@ def _same(found: pa.DataType, wanted: pa.DataType) -> bool:
     return bool(found == wanted)
 
 
-def stamp(identity: Mapping[str, Any]) -> bytes:
-    """What was flown, as a file says it."""
-    return canonical_json(identity).encode()
+def table_stamp(rows: pa.Table, identity: Mapping[str, Any]) -> dict[bytes, bytes]:
+    """Metadata of a file: what was flown, and a digest of that and of all rows."""
+    stamp = canonical_json(identity).encode()
+    return {METADATA: stamp, DIGEST: table_digest(rows, stamp).encode()}

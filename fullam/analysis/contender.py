@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fullam.analysis.tuned_gains import tuned_settings
+from fullam.checks import Checker, shown
 from fullam.control.controllers import make_settings
 from fullam.control.estimators import estimator_class
 from fullam.exceptions import CampaignError
@@ -30,13 +31,18 @@ class Contender:
     def __post_init__(self) -> None:
         """Resolve the settings and check the names."""
         settings, suffix = self.settings, ""
-        if settings == "tuned":
+        check = Checker("contender", CampaignError)
+        check.text("controller", self.controller)
+        check.text("label", self.label, prose=True)
+        if self.estimator is not None:
+            check.text("estimator", self.estimator)
+        if isinstance(settings, str) and settings == "tuned":
             settings, suffix = tuned_settings(self.controller, self.estimator), ", tuned"
         if not isinstance(settings, dict):
             raise CampaignError(
                 f"contender '{self.controller}'",
                 "settings",
-                f"is {settings!r}",
+                f"is {shown(settings)}",
                 "give 'tuned' or a mapping",
             )
         complete = make_settings(self.controller, settings).to_dict()
@@ -50,5 +56,6 @@ class Contender:
     @classmethod
     def parse(cls, text: str, tuned: bool = False) -> Contender:
         """From "CONTROLLER" or "CONTROLLER@ESTIMATOR"."""
+        Checker("contender", CampaignError).text("name", text)
         controller, _, estimator = text.strip().partition("@")
         return cls(controller, "tuned" if tuned else {}, estimator or None)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from fullam.analysis.campaign_table import CampaignTable
 from fullam.analysis.claims import SUBJECT, Bound, Claim, Paired, Side
 from fullam.analysis.statistics import (
     Interval,
@@ -26,9 +26,6 @@ from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
 
-if TYPE_CHECKING:
-    from fullam.analysis.campaign_table import CampaignTable
-
 Array = NDArray[np.float64]
 
 HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
@@ -37,7 +34,7 @@ NEGLIGIBLE = {"mm": 0.1, "deg": 0.01}
 """A difference below this, a hundredth of the sensor's standard deviation, may be certain and still
 is of no consequence; the finding says so."""
 
-Figure = Callable[["CampaignTable", str, str], Array]
+Figure = Callable[[CampaignTable, str, str], Array]
 
 
 def _never(column: str) -> Figure:

@@ -14,6 +14,7 @@ from fullam.exceptions import FullamError
 from fullam.model.perturbation import Uncertainty
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
+from fullam.numbers.machine_code import available
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import AXES, Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -85,6 +86,7 @@ def fly_trial(vehicle: Vehicle, envelope: Envelope, seeds: int = SEEDS) -> Trial
                 simulate(
                     scenario, controller, vehicle=vehicle, seed=seed, throw=False,
                     simulation=SimulationSettings(estimator=estimator),
+                    driver="fused" if available() else "python",
                 )
                 for seed in range(seeds)
             ]  # fmt: skip

@@ -12,10 +12,14 @@ import importlib
 import os
 import pkgutil
 import sys
+import warnings
 from collections.abc import Sequence
+from typing import Any
 
+from fullam import interrupt
 from fullam.cli import output
 from fullam.cli.verbs import FAILED, INTERRUPTED, USAGE, VERBS
+from fullam.exceptions import AllocationFailed, FullamError, FullamWarning, NonFiniteWrench
 
 DESCRIPTION = "Fly, compare and check fully-actuated aerial manipulators."
 
@@ -34,7 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser with every verb of the package."""
     for module in pkgutil.iter_modules(__path__):
         importlib.import_module(f"{__name__}.{module.name}")
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         "fullam",
         description=DESCRIPTION,
         epilog=EPILOG,
@@ -59,12 +63,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    interrupt.release()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", FullamWarning)
+            warnings.showwarning = _show_warning  # type: ignore[assignment]
+            return _run(argv)
+    except KeyboardInterrupt as stopped:
+        interrupt.guard()  # whoever is impatient shall not see a traceback either
+        output.complain(f"interrupted{stopped}")
+        return INTERRUPTED
+    finally:
+        interrupt.guard()  # what is left is to leave
+
+
+def _run(argv: Sequence[str] | None) -> int:
     try:
         arguments = build_parser().parse_args(argv)
     except SystemExit as end:  # argparse has printed what it had to say
         return end.code if isinstance(end.code, int) else USAGE
-    from fullam.exceptions import AllocationFailed, FullamError, NonFiniteWrench
-
     try:
         code: int = arguments.execute(arguments)
         sys.stdout.flush()
@@ -78,12 +95,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, `head` say, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:  # a file that cannot be read or written
-        output.complain(str(error))
+    except (OSError, MemoryError) as error:  # what cannot be read, written or held
+        output.complain(str(error) or "there is not enough memory")
         return USAGE
-    except KeyboardInterrupt as interrupt:
-        output.complain(f"interrupted{interrupt}")
-        return INTERRUPTED
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: object) -> None:
+    """One line a warning: where in the code it was raised says nothing to who typed a command."""
+    output.complain(f"warning: {message}")
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse repeats what was typed; a terminal shall not act on it."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        super()._print_message(output.harmless(message or ""), file)
 
 
 class _Version(argparse.Action):

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli import options
-from fullam.cli.output import number, say, say_json, table
+from fullam.cli.output import harmless, number, say, say_json, table
 from fullam.cli.verbs import OK, argument, verb
+from fullam.exceptions import CampaignError, ScenarioError
 
 if TYPE_CHECKING:
     from fullam.analysis.campaign_table import CampaignTable
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 JOBS = argument(
     "--jobs",
-    type=int,
+    type=options.jobs,
     default=1,
     metavar="N",
     help="threads; processes for laws that are no kernels (default: 1)",
@@ -75,7 +76,6 @@ def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
         CampaignError: Certificates without a scheduler, not all three of them, or no such file.
     """
     from fullam.analysis.cluster import Scheduler
-    from fullam.exceptions import CampaignError
 
     files = (arguments.tls_ca, arguments.tls_cert, arguments.tls_key)
     if arguments.scheduler is None:
@@ -111,7 +111,9 @@ def continued(where: str) -> Iterator[None]:
         metavar="A,B",
         help="names; NAME@ESTIMATOR flies with another estimator (default: dc-pid)",
     ),
-    argument("--runs", type=int, default=100, metavar="N", help="seeds 0 to N-1 (default: 100)"),
+    argument(
+        "--runs", type=options.runs, default=100, metavar="N", help="seeds 0 to N-1 (default: 100)"
+    ),
     argument("--tuned", action="store_true", help="the committed tuned gains, not the defaults"),
     argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
@@ -169,7 +171,6 @@ def _weather(arguments: argparse.Namespace, scenarios: list[Any]) -> Any:
         UnknownName: No such weather.
         ScenarioError: Without gusts, but of which weather: the scenarios' differ.
     """
-    from fullam.exceptions import ScenarioError
     from fullam.simulation.weather import weather
 
     chosen = weather(arguments.weather) if arguments.weather else None
@@ -219,8 +220,16 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
 @verb(
     "tune",
     argument("controller", metavar="CONTROLLER", help="NAME or NAME@ESTIMATOR"),
-    argument("--budget", type=int, default=200, metavar="N", help="candidates (default: 200)"),
-    argument("--seed", type=int, default=0, metavar="N", help="seed of the optimiser (default: 0)"),
+    argument(
+        "--budget", type=options.runs, default=200, metavar="N", help="candidates (default: 200)"
+    ),
+    argument(
+        "--seed",
+        type=options.seed,
+        default=0,
+        metavar="N",
+        help="seed of the optimiser (default: 0)",
+    ),
     argument("--out", type=settings_path, metavar="FILE", help="keep the best so far (.toml)"),
     JOBS,
     ANY_DRIVER,
@@ -258,7 +267,13 @@ def tune(arguments: argparse.Namespace) -> int:
 
 @verb(
     "reproduce",
-    argument("--runs", type=int, default=100, metavar="N", help="seeds a scenario (default: 100)"),
+    argument(
+        "--runs",
+        type=options.runs,
+        default=100,
+        metavar="N",
+        help="seeds a scenario (default: 100)",
+    ),
     argument("--out", type=Path, default=Path("report"), metavar="FOLDER", help="default: report"),
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
     JOBS,
@@ -306,7 +321,7 @@ def _bar(unit: str) -> Iterator[Any]:
             return
         if bar.desc != f"{text}: ":
             bar.reset(total)
-            bar.set_description(text, refresh=False)
+            bar.set_description(harmless(text), refresh=False)
         bar.total, bar.n = total, done
         bar.refresh()
 

@@ -21,18 +21,19 @@ Rounding costs about 1e-16 times the condition number of the 81 x 81 system (30,
 the states sampled on purpose near its worst), a wrong sign or a wrong frame about 1."""
 
 
-def samples(text: str) -> int:
-    """A number of random states, at least 1."""
-    if not (text.isdecimal() and int(text) > 0):
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number above 0")
-    return int(text)
-
-
 @verb(
     "check",
     argument("vehicle", metavar="VEHICLE", help="name (see `fullam list`) or TOML file"),
-    argument("--samples", type=samples, default=1000, metavar="N", help="random states (1000)"),
-    argument("--seed", type=int, default=0, metavar="N", help="seed of the states (default: 0)"),
+    argument(
+        "--samples",
+        type=options.whole(1, 10_000_000, "whole number, from"),
+        default=1000,
+        metavar="N",
+        help="random states (1000)",
+    ),
+    argument(
+        "--seed", type=options.seed, default=0, metavar="N", help="seed of the states (default: 0)"
+    ),
     options.JSON,
 )
 def check_vehicle(arguments: argparse.Namespace) -> int:

@@ -5,15 +5,21 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
-from fullam.cli.options import JSON
+from fullam.cli import options
 from fullam.cli.output import say, say_json, table
 from fullam.cli.verbs import OK, argument, verb
 
 
 @verb(
     "equations",
-    argument("number", nargs="?", type=int, metavar="N", help="one equation, 1 to 35"),
-    JSON,
+    argument(
+        "number",
+        nargs="?",
+        type=options.whole(0, 10**6, "whole number, from"),
+        metavar="N",
+        help="one equation, 1 to 35",
+    ),
+    options.JSON,
 )
 def show_equations(arguments: argparse.Namespace) -> int:
     """Show the paper's equations and where the code has them.
@@ -49,6 +55,6 @@ def show_equations(arguments: argparse.Namespace) -> int:
         say(f"printed in {erratum.where}: {erratum.printed}")
         say(f"used: {erratum.used}")
         say(f"because: {erratum.why}\n")
-    say("in the code:\n" + "\n".join(f"  fullam.{name}" for name in entry.functions))
+    say("in the code:\n" + "\n".join(f"  {name}" for name in entry.functions))
     say("\nheld by:\n" + "\n".join(f"  {name}" for name in entry.tests))
     return OK

@@ -75,6 +75,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     Prints what the flight was worth, and saves the record and a figure if asked. Two controllers
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged.
     """
+    warn_of_reach(arguments)
     run, metrics = fly(arguments, arguments.controller, dict(arguments.set), arguments.driver)
     files = {}
     if arguments.out:
@@ -115,6 +116,7 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     One seed is one weather: noise, gusts and true parameters are the same for all of them. Exit
     code 1 says that a flight diverged.
     """
+    warn_of_reach(arguments)
     flights = [fly(arguments, name, {}, arguments.driver) for name in arguments.controllers]
     runs = [run for run, _ in flights]
     files = {}
@@ -160,6 +162,22 @@ def fly(
             **keywords,
         )
     return run, measure(run)
+
+
+def warn_of_reach(arguments: argparse.Namespace) -> None:
+    """Say before take-off if a target is out of the vehicle's reach."""
+    from fullam.analysis.foresight import reach_warning
+    from fullam.exceptions import FullamError
+    from fullam.model.loading import load_vehicle
+    from fullam.simulation.scenario import load_scenario
+
+    try:
+        scenario = load_scenario(arguments.scenario)
+        found = reach_warning(scenario, load_vehicle(arguments.vehicle or scenario.vehicle))
+    except FullamError:
+        return  # what cannot be flown at all is told by the flight
+    if found is not None:
+        complain(f"out of reach: {found}")
 
 
 def has_rows(run: Run) -> bool:

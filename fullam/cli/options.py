@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli.verbs import argument
+from fullam.exceptions import ScenarioError, SettingsError
 
 if TYPE_CHECKING:
     from fullam.simulation.settings import SimulationSettings
@@ -30,15 +33,45 @@ def figure_path(text: str) -> Path:
     return Path(text)
 
 
-def rate(text: str) -> float:
-    """A rate in Hz, above 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is no rate in Hz above 0")
-    return value
+def between(low: float, high: float, what: str) -> Callable[[str], float]:
+    """A reader of numbers from low to high; `what` names them in a complaint."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{_typed(text)} is no {what} {low:g} to {high:g}")
+        return value
+
+    return read
+
+
+def whole(low: int, high: int, what: str) -> Callable[[str], int]:
+    """A reader of whole numbers from low to high."""
+
+    def read(text: str) -> int:
+        digits = text.removeprefix("-")
+        # A number of thousands of digits is not converted to see that it is too large.
+        if not (digits.isascii() and digits.isdecimal() and len(digits) < 20) or not (
+            low <= int(text) <= high
+        ):
+            raise argparse.ArgumentTypeError(f"{_typed(text)} is no {what} {low} to {high}")
+        return int(text)
+
+    return read
+
+
+def _typed(text: str) -> str:
+    return f"'{text}'" if len(text) < 40 else f"'{text[:40]}...'"
+
+
+rate = between(0.01, 1e6, "rate in Hz, from")
+seed = whole(0, 2**63 - 1, "whole number, from")
+jobs = whole(1, 256, "number of processes, from")
+runs = whole(1, 10_000_000, "number of seeds, from")
+port = whole(0, 65535, "port, from")
 
 
 def names(text: str) -> list[str]:
@@ -58,14 +91,13 @@ def setting(text: str) -> tuple[str, Any]:
 
 
 def _value(text: str) -> Any:
-    try:
+    # Neither reads integers of thousands of digits or endless nesting, and both say so in ways of
+    # their own; as a text the setting is then refused by whoever it is for.
+    with contextlib.suppress(ValueError, RecursionError):
         return json.loads(text)
-    except json.JSONDecodeError:
-        pass
-    try:
+    with contextlib.suppress(ValueError, RecursionError, KeyError):
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
+    return text
 
 
 JSON = argument("--json", action="store_true", help="print JSON, and nothing else, on stdout")
@@ -75,13 +107,16 @@ SCENARIO = argument("scenario", metavar="SCENARIO", help="name (see `fullam list
 FIGURE = argument("--figure", type=figure_path, metavar="FILE", help="draw it (.png, .pdf or .svg)")
 
 FLIGHT = (
-    argument("--seed", type=int, default=0, metavar="N", help="seed of the weather (default: 0)"),
+    argument("--seed", type=seed, default=0, metavar="N", help="seed of the weather (default: 0)"),
     argument("--calm", action="store_true", help="no noise, no gusts, exact parameters"),
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
     argument("--vehicle", metavar="V", help="another vehicle than the scenario's: name or TOML"),
     argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
+    argument(
+        "--governor", metavar="on|off", help="take the target's tilt back while force is short"
+    ),
     argument(
         "--shape",
         type=setting,
@@ -107,15 +142,10 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     """Keywords of `simulate` from the arguments of `FLIGHT`.
 
     Raises:
-        ScenarioError: Calm and another weather at once, a negative seed, or rates that do not
-            divide each other.
+        ScenarioError: Calm and another weather at once, or rates that do not divide each other.
     """
-    from fullam.exceptions import ScenarioError
-
     if arguments.calm and arguments.weather:
         raise ScenarioError("--calm", "weather", "is given as well", "give one of the two")
-    if arguments.seed < 0:
-        raise ScenarioError("--seed", "value", f"is {arguments.seed}", "give 0 or more")
     return {
         "seed": arguments.seed,
         "calm": arguments.calm,
@@ -133,7 +163,6 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
         SettingsError: A setting that it does not have, or a value of the wrong kind.
     """
     from fullam.control.controllers import make_settings
-    from fullam.exceptions import SettingsError
 
     try:
         return make_settings(controller, changes)
@@ -145,7 +174,7 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
 
 
 def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
-    """The simulation's settings with the given rates and estimator."""
+    """The simulation's settings with the given rates, estimator and governor."""
     from fullam.simulation.settings import SimulationSettings
 
     changes: dict[str, Any] = {}
@@ -155,4 +184,6 @@ def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
         changes["plant_period"] = 1.0 / arguments.plant_rate
     if arguments.estimator:
         changes["estimator"] = arguments.estimator
+    if arguments.governor:
+        changes["governor"] = arguments.governor
     return SimulationSettings(**changes)

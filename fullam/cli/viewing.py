@@ -26,15 +26,9 @@ SETTINGS = argument(
 )
 
 
-def positive(text: str) -> float:
-    """A number above 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is no number above 0")
-    return value
+speed = options.between(1e-3, 1e3, "speed, from")
+distance = options.between(-1e4, 1e4, "distance in m, from")
+seconds = options.between(0.0, 1e5, "time in s, from")
 
 
 @verb(
@@ -43,16 +37,18 @@ def positive(text: str) -> float:
     argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
     SETTINGS,
     *options.FLIGHT,
-    argument("--speed", type=positive, default=1.0, metavar="X", help="of the live flight (1)"),
-    argument("--offset", type=float, metavar="M", help="between flights side by side [m]"),
+    argument("--speed", type=speed, default=1.0, metavar="X", help="of the live flight (1)"),
+    argument("--offset", type=distance, metavar="M", help="between flights side by side [m]"),
     argument("--open", action="store_true", help="open the page in the default browser"),
-    argument("--port", type=int, metavar="N", help="(default: the first free one from 7000)"),
-    argument("--wait", type=positive, default=10.0, metavar="S", help="for a page to open (10)"),
+    argument(
+        "--port", type=options.port, metavar="N", help="(default: the first free one from 7000)"
+    ),
+    argument("--wait", type=seconds, default=10.0, metavar="S", help="for a page to open (10)"),
     argument("--once", action="store_true", help="stop when the live flight is over"),
     argument("--html", type=Path, metavar="FILE", help="write a page that plays offline"),
     argument("--png", type=Path, metavar="FILE", help="write a still (needs Chromium)"),
     argument("--gif", type=Path, metavar="FILE", help="write an animation (needs Chromium)"),
-    argument("--at", type=float, metavar="S", help="when the still is taken (half-way)"),
+    argument("--at", type=seconds, metavar="S", help="when the still is taken (half-way)"),
 )
 def view_flight(arguments: argparse.Namespace) -> int:
     """See a flight in three dimensions.

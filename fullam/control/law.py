@@ -127,9 +127,9 @@ class KernelLaw(Controller):
         """Wrench wanted from the rotors, world axes, shape (6,); see `Controller.wrench`."""
         chain = self.chain(motions_of(measurement))
         command = self.command(chain, estimate_of(measurement), target_of(reference))
-        self.u_pid[:] = [*flat(command.u_pid)]
-        self.u_dc[:] = [*flat(command.u_dc)]
-        return np.array([*flat(command.wrench)])
+        self.u_pid[:] = flat(command.u_pid)
+        self.u_dc[:] = flat(command.u_dc)
+        return np.array(flat(command.wrench))
 
     def delivered(self, wrench_W: Array, missing_W: Array) -> None:
         """Learn what the allocation achieved; see `Controller.delivered`."""
@@ -203,7 +203,7 @@ class CommandView(NamedTuple):
     links: Any
     joints: Any
     joint_rows: Any
-    targets: Any
+    target: Any
     estimate: Any
     memory: Any
     command: Any
@@ -237,7 +237,7 @@ def command_stage(kernels: LawKernels) -> Function:
         numbers, chain, estimate = view.numbers[0], chain_at(view, k), view.estimate[0]
         if k == 0:
             view.memory[0] = start(numbers, chain, estimate)
-        answer, memory = command(numbers, chain, estimate, view.targets[k], view.memory[0])
+        answer, memory = command(numbers, chain, estimate, view.target[0], view.memory[0])
         view.command[0], view.memory[0] = answer, memory
 
     return command_of_law

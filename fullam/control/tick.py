@@ -107,7 +107,7 @@ class ControlTick:
         n = vehicle.n_arm
         self._law: LawStage | None = None
         self._inputs = np.zeros(7 + n + 6 + 2 * n + size(Target))
-        pose, positions, twist, rates, accelerations, self._target = np.split(
+        pose, positions, twist, rates, accelerations, target = np.split(
             self._inputs, np.cumsum([7, n, 6, n, n])
         )
         self._estimate, motions = Rows.empty(Estimate, 1), Rows.empty(JointMotion, ROWS, n)
@@ -120,7 +120,7 @@ class ControlTick:
             self._estimate,
             motions,
         )
-        self._targets, self._ahead = Rows.empty(Target, ROWS), Rows.empty(Ahead, ROWS)
+        self._target, self._ahead = Rows(Target, target[None]), Rows.empty(Ahead, ROWS)
         self._command, self._delivery = Rows.empty(Command, 1), Rows.empty(Delivery, 1)
         self._residual, self._status = Rows.empty(Spatial, 1), Rows(Status, [[FOREVER, 0.0]])
         self._memory = allocation_memory(vehicle.rotors.count)
@@ -161,7 +161,7 @@ class ControlTick:
         law = kernel_law(self.controller)
         memory, numbers = Rows.empty(law.Memory, 1), numbers_of(law)
         common = numbers, links, joints, self._joint_rows
-        asking = CommandView(*common, self._targets, self._estimate, memory, self._command)
+        asking = CommandView(*common, self._target, self._estimate, memory, self._command)
         telling = InformView(*common, self._estimate, memory, self._delivery)
         *before, allocating = stages
         command = Stage(command_stage(law.kernels), asking)
@@ -171,11 +171,11 @@ class ControlTick:
     def _python(self, stages: list[Stage], motions: Rows) -> Run:
         """The same by Python, with the law as it is."""
         self._law, look, t = LawStage(self.controller), Lists(), self._joint_rows
-        look.live(*rows_of(stages[0].view), self._targets, self._ahead, self._centers)
+        look.live(*rows_of(stages[0].view), self._target, self._ahead, self._centers)
         look.live(self._command, self._delivery, self._residual, self._status)
         look.live(self._memory.speeds, self._memory.counts)
         asking = CommandView(
-            None, None, motions, t, self._targets, self._estimate, None, self._command
+            None, None, motions, t, self._target, self._estimate, None, self._command
         )
         taking, placing, allocating = ((s.kernel, look.of(s.view)) for s in stages)
         order = [
@@ -218,7 +218,6 @@ class ControlTick:
             (m.q, m.v, m.arm_acceleration, ref.pose, ref.velocity, ref.acceleration),
             out=self._inputs,
         )
-        self._targets.array[row] = self._target
         if turn is not None or self._is_turned:
             self._ahead.array[:, 12:] = 0.0 if turn is None else turn
             self._is_turned = turn is not None

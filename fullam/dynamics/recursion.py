@@ -138,7 +138,7 @@ def shift_inertia(J, m, c):
 
 @kernel
 def arm_load(chain, w, dw, a):
-    """Forward recursion (6)-(11) over links 1..n, and the sum of eq. (13), in {A} axes.
+    """Forward recursion, eqs. (6)-(11), over links 1..n, and the sum of eq. (13), in {A} axes.
 
     Args:
         chain: Platform and arm.
@@ -257,7 +257,7 @@ def composite_load(chain, w, g):
 def base_acceleration(chain, w, g, wrench):
     """Acceleration of the platform under a wrench, the arm's motion being prescribed.
 
-    Solves (12) and (13) for ddp_A (classical) and dw_A; everything in {A} axes, g included.
+    Solves eqs. (12) and (13) for ddp_A (classical) and dw_A; everything in {A} axes, g included.
     """
     whole, load = composite_load(chain, w, g)
     return solve_body(whole, subtract_spatial(wrench, load))

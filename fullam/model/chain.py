@@ -16,8 +16,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, shown
 from fullam.exceptions import UnknownName, VehicleError
 from fullam.model.articulation import build_model
+from fullam.model.physics import parse_urdf
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
@@ -95,6 +97,10 @@ class LinkChain:
             VehicleError: The model is not such a chain; the message names the joint.
             UnknownName: There is no such tool frame.
         """
+        check = Checker("chain", VehicleError)
+        check.instance("model", model, pin.Model)
+        if tool is not None:
+            check.text("tool", tool)
         joints = range(ROOT + 1, model.njoints)
         if model.njoints <= ROOT or model.joints[ROOT].shortname() != "JointModelFreeFlyer":
             raise VehicleError(
@@ -134,12 +140,21 @@ class LinkChain:
             VehicleError: As in `from_model`.
             UnknownName: As in `release_joint`.
         """
-        model = vehicle.model if released is None else released_model(vehicle, released)
+        model = _model(vehicle) if released is None else released_model(vehicle, released)
         return cls.from_model(model, vehicle.tool)
 
     @classmethod
     def stack(cls, chains: Sequence[LinkChain]) -> LinkChain:
-        """One chain whose arrays have a leading axis over the given ones (of equal n and tool)."""
+        """One chain whose arrays have a leading axis over the given ones (of equal n and tool).
+
+        Raises:
+            VehicleError: They are no chains, there is none, or they differ in n.
+        """
+        check = Checker("chain", VehicleError)
+        if not isinstance(chains, list | tuple) or not chains:
+            raise check.refuse("chains", f"is {shown(chains)}", "give a list of chains")
+        if len({check.instance("chains", chain, cls).mass.shape for chain in chains}) > 1:
+            raise check.refuse("chains", "differ in their number of links", "give chains of one")
         arrays = {
             entry.name: np.stack([getattr(chain, entry.name) for chain in chains])
             for entry in fields(cls)
@@ -190,8 +205,10 @@ def release_joint(urdf: str, joint: str) -> str:
 
     Raises:
         UnknownName: There is no fixed joint of that name.
+        VehicleError: The text is no URDF.
     """
-    robot = ET.fromstring(urdf)  # a file of the user's own, as everywhere in fullam
+    robot = parse_urdf(urdf, "release_joint")
+    Checker("release_joint", VehicleError).text("joint", joint)
     fixed = {e.get("name", ""): e for e in robot.findall("joint") if e.get("type") == "fixed"}
     if joint not in fixed:
         raise UnknownName("fixed joint", joint, fixed)
@@ -210,7 +227,16 @@ def released_model(vehicle: Vehicle, joint: str) -> pin.Model:
     Its arm has one joint more, at the place of the released one; with the fixed end link of the
     default vehicle ("tool_joint") that is the paper's n = 5.
     """
+    held = _model(vehicle)
     model = build_model(release_joint(vehicle.urdf, joint))
-    model.gravity.linear = vehicle.model.gravity.linear
-    model.name = vehicle.model.name
+    model.gravity.linear = held.gravity.linear
+    model.name = held.name
+    return model
+
+
+def _model(vehicle: Vehicle) -> pin.Model:
+    """The model of what has to be a vehicle."""
+    model = getattr(vehicle, "model", None)
+    if not isinstance(model, pin.Model):
+        raise VehicleError("chain", "vehicle", f"is {shown(vehicle)}", "give a Vehicle")
     return model

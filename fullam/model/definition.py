@@ -6,7 +6,6 @@ is looking at the file and not at this code.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from fullam.checks import FINITE, Checker, Range, shown
 from fullam.exceptions import VehicleError
 from fullam.model.rotors import Rotors
 
@@ -28,6 +28,7 @@ ROTOR_NUMBERS = ("k_f", "k_tau", "max_speed", "lag")
 ROTOR_OPTIONS = {"min_speed": 0.0}
 """Numbers of a rotor that need not be stated, and what they are then."""
 ROTOR_KEYS = ("name", "frame", "position", "axis", "spin", *ROTOR_NUMBERS, *ROTOR_OPTIONS)
+MOST_ROTORS = 1000
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str, field: str) -> None:
@@ -56,31 +57,27 @@ def text(table: Mapping[str, Any], key: str, where: str, default: str | None = N
     value = table.get(key, default)
     if value is None:
         raise VehicleError(where, key, "is missing", "give a string")
-    if not isinstance(value, str):
-        raise VehicleError(where, key, f"is {value!r}", "give a string")
-    return value
+    return Checker(where, VehicleError).text(key, value, prose=default == "")
 
 
-def number(value: Any, where: str, field: str) -> float:
+def number(value: Any, where: str, field: str, range: Range = FINITE) -> float:
     """A finite number of the definition.
 
     Raises:
-        VehicleError: If it is not one.
+        VehicleError: If it is not one, or beyond the range.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise VehicleError(where, field, f"is {value!r}", "give a finite number")
-    return float(value)
+    return Checker(where, VehicleError).number(field, value, range)
 
 
-def vector(value: Any, where: str, field: str) -> Array:
+def vector(value: Any, where: str, field: str, range: Range = FINITE) -> Array:
     """A vector of three finite numbers.
 
     Raises:
         VehicleError: If it is not one.
     """
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise VehicleError(where, field, f"is {value!r}", "give three numbers [x, y, z]")
-    return np.array([number(entry, where, field) for entry in value])
+        raise VehicleError(where, field, f"is {shown(value)}", "give three numbers [x, y, z]")
+    return np.array([number(entry, where, field, range) for entry in value])
 
 
 def names(table: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
@@ -91,7 +88,7 @@ def names(table: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
     """
     value = table.get(key, [])
     if not isinstance(value, list | tuple) or not all(isinstance(entry, str) for entry in value):
-        raise VehicleError(where, key, f"is {value!r}", "give a list of names")
+        raise VehicleError(where, key, f"is {shown(value)}", "give a list of names")
     return tuple(value)
 
 
@@ -152,8 +149,12 @@ def read_rotors(definition: Mapping[str, Any], model: pin.Model, where: str) -> 
         raise VehicleError(where, "rotor_defaults", "is not a table", "write [rotor_defaults]")
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
         raise VehicleError(where, "rotor", "is not a list of tables", "write [[rotor]] per rotor")
-    check_keys(defaults, (*ROTOR_NUMBERS, *ROTOR_OPTIONS), where, "rotor_defaults")
     columns = (*ROTOR_NUMBERS, *ROTOR_OPTIONS)
+    check_keys(defaults, columns, where, "rotor_defaults")
+    if len(tables) > MOST_ROTORS:
+        raise VehicleError(
+            where, "rotor", f"has {len(tables)} tables", f"give {MOST_ROTORS} or fewer"
+        )
     labels: list[str] = []
     rows: list[tuple[Array, Array, float, list[float]]] = []
     for index, table in enumerate(tables):

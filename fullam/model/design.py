@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker
 from fullam.exceptions import VehicleError
 from fullam.files import atomic_path
 from fullam.model import definition as read
 from fullam.model.craig import craig_transform, homogeneous
+from fullam.model.design_checks import checked_parameter
 from fullam.model.design_urdf import urdf_text
 from fullam.model.loading import read_definition, vehicle_path
 from fullam.model.physics import inertia_problem
@@ -133,30 +135,7 @@ class VehicleDesign:
         missing = [key for key in known if key not in table]
         if missing:
             raise VehicleError(where, f"design.{missing[0]}", "is missing", "state it")
-        values: dict[str, Any] = {"where": where}
-        for key in known:
-            field, value = f"design.{key}", table[key]
-            if key in ("platform_inertia", "mount_position"):
-                values[key] = tuple(read.vector(value, where, field).tolist())
-            elif key == "craig":
-                if not isinstance(value, list | tuple) or len(value) < 2:
-                    raise VehicleError(where, field, f"is {value!r}", "give rows [alpha, a, d]")
-                values[key] = tuple(tuple(read.vector(row, where, field)) for row in value)
-            elif key == "rotor_rows":
-                values[key] = _rotor_rows(value, where, field)
-            elif key == "link_masses":
-                if not isinstance(value, list | tuple):
-                    raise VehicleError(where, field, f"is {value!r}", "give one number per link")
-                values[key] = tuple(read.number(entry, where, field) for entry in value)
-            else:
-                values[key] = read.number(value, where, field)
-        count = values["rotor_count"]
-        if count != int(count) or count < 4 or count % 2:
-            raise VehicleError(
-                where, "design.rotor_count", f"is {count:g}", "give an even number, at least 4"
-            )
-        values["rotor_count"] = int(count)
-        return cls(**values)
+        return cls(**table, where=where)
 
     @classmethod
     def parameters(cls) -> tuple[str, ...]:
@@ -164,14 +143,16 @@ class VehicleDesign:
         return tuple(field.name for field in fields(cls) if field.name != "where")
 
     def __post_init__(self) -> None:
-        """Refuse parameters that no vehicle has."""
-        positive = (
-            "platform_mass", "ring_radius", "propeller_radius", "tool_length", "link_radius",
-            "joint_range_deg", "joint_effort", "joint_speed_rpm",
-        )  # fmt: skip
-        for key in positive:
-            if not getattr(self, key) > 0.0:
-                self._refuse(key, f"is {getattr(self, key):g}", "give a positive number")
+        """Refuse parameters that no vehicle has; lists become tuples.
+
+        Raises:
+            VehicleError: Naming the parameter and what would be right.
+        """
+        check = Checker(self.where, VehicleError)
+        for key in self.parameters():
+            object.__setattr__(self, key, checked_parameter(check, key, getattr(self, key)))
+        if self.rotor_count % 2:
+            self._refuse("rotor_count", f"is {self.rotor_count}", "give an even number")
         if not 0.0 <= self.cant_deg < 90.0:
             self._refuse("cant_deg", f"is {self.cant_deg:g}", "give an angle from 0 to below 90")
         if self.rotor_rows and len(self.rotor_rows) != self.rotor_count:
@@ -308,16 +289,6 @@ def _rz(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _rotor_rows(value: Any, where: str, field: str) -> tuple[tuple[float, ...], ...]:
-    if not isinstance(value, list | tuple) or not all(
-        isinstance(row, list | tuple) and len(row) == 5 for row in value
-    ):
-        raise VehicleError(
-            where, field, f"is {value!r}", "give rows [azimuth_deg, radius, height, cant_deg, lean]"
-        )
-    return tuple(tuple(read.number(entry, where, field) for entry in row) for row in value)
-
-
 Optimiser = Callable[[Vehicle], Mapping[str, Any]]
 """Answers a vehicle with changes of its design; `fullam.analysis.design_search` has one."""
 
@@ -344,6 +315,8 @@ def design_vehicle(
         better = optimise(design_vehicle(base, name, **changes))
         return design_vehicle(base, name or f"{base}, optimised", **{**changes, **better})
     path = vehicle_path(base)
+    if name is not None:
+        Checker("design_vehicle", VehicleError).text("name", name)
     definition = copy.deepcopy(read_definition(path))
     where = str(path)
     if "design" not in definition:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from fullam.checks import Checker, read_text, read_toml, shown
 from fullam.exceptions import UnknownName, VehicleError
 from fullam.model import definition as read
 from fullam.model.composition import compose, move_meshes
@@ -67,6 +67,13 @@ def vehicle_path(name_or_path: str | Path) -> Path:
         UnknownName: If it looks like a name and is not registered.
         VehicleError: If it is a URDF.
     """
+    if not isinstance(name_or_path, str | Path):
+        raise VehicleError(
+            "load_vehicle",
+            "name_or_path",
+            f"is {shown(name_or_path)}",
+            f"give the path of a TOML, or one of {', '.join(vehicle_names())}",
+        )
     path = Path(name_or_path)
     if path.suffix == ".urdf":
         raise VehicleError(
@@ -89,16 +96,7 @@ def read_definition(path: Path) -> dict[str, Any]:
     Raises:
         VehicleError: If there is no such file, or it is not TOML.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise VehicleError(
-            str(path), "file", f"cannot be read ({error})", "give the path of a vehicle's TOML"
-        ) from error
-    try:
-        return tomllib.loads(content)
-    except tomllib.TOMLDecodeError as error:
-        raise VehicleError(str(path), "TOML", str(error), "correct the syntax there") from error
+    return read_toml(path, Checker(str(path), VehicleError))
 
 
 def read_urdf(definition: Mapping[str, Any], path: Path) -> str:
@@ -140,12 +138,12 @@ def _robot_text(table: Mapping[str, Any], file: Path, where: str) -> str:
     entry = table["urdf"]
     arguments = read.subtable(entry, "args", where) if isinstance(entry, Mapping) else {}
     try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(file, Checker(str(file), VehicleError))
+    except VehicleError as error:
         raise VehicleError(
             where,
             "urdf",
-            f"'{file}' cannot be read ({error})",
+            f"'{file}' {error.problem}",
             "give a path relative to the TOML, or {package = ..., path = ...}",
         ) from error
     return expand_xacro(file, arguments, where) if file.suffix == ".xacro" else text

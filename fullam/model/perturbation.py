@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, Range, shown
 from fullam.exceptions import SettingsError, UnknownName
 from fullam.model.vehicle import Vehicle
 
@@ -40,6 +41,10 @@ DEFAULT_PARAMETERS = (
 """The masses, inertias and rotor coefficients that a compensation has to know."""
 
 
+LARGEST_SHARE = 0.999
+"""Largest share: of a factor in [1 - share, 1 + share] something is left."""
+
+
 @dataclass(frozen=True)
 class Uncertainty:
     """How far the true parameters are from the nominal ones.
@@ -56,17 +61,18 @@ class Uncertainty:
         """Check the share and the names.
 
         Raises:
-            SettingsError: If the share is not in [0, 1).
+            SettingsError: If the share is not in [0, 0.999].
             UnknownName: If a parameter is none of `PARAMETERS`.
         """
-        if not 0.0 <= self.share < 1.0:
-            raise SettingsError(
-                "uncertainty", "share", f"is {self.share}", "give a share from 0 to below 1"
-            )
+        check = Checker("uncertainty", SettingsError)
+        share = check.number("share", self.share, Range(0.0, LARGEST_SHARE))
+        object.__setattr__(self, "share", share)
+        if not isinstance(self.parameters, list | tuple):
+            raise check.refuse("parameters", f"is {shown(self.parameters)}", "give a list of names")
         object.__setattr__(self, "parameters", tuple(self.parameters))
         for name in self.parameters:
             if name not in PARAMETERS:
-                raise UnknownName("uncertain parameter", name, PARAMETERS)
+                raise UnknownName("uncertain parameter", str(name), PARAMETERS)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data, for a file."""
@@ -81,12 +87,10 @@ class Uncertainty:
         Raises:
             SettingsError: A field that it does not have.
         """
-        for key in data:
-            if key not in ("share", "parameters"):
-                raise SettingsError(
-                    "uncertainty", key, "is no field of it", "it has share, parameters"
-                )
-        return cls(**data)
+        check = Checker("uncertainty", SettingsError)
+        values = check.table("uncertainty", data)
+        check.known(values, ("share", "parameters"))
+        return cls(**values)
 
 
 def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator) -> Vehicle:
@@ -110,6 +114,10 @@ def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator
         A vehicle with its own model and rotors. Its `definition` and `urdf` are still the nominal
         ones: they, the uncertainty and the seed rebuild it.
     """
+    check = Checker("perturb", SettingsError)
+    check.instance("vehicle", vehicle, Vehicle)
+    check.instance("uncertainty", uncertainty, Uncertainty)
+    check.instance("rng", rng, np.random.Generator)
     drawn = draw_factors(factor_shares(vehicle, uncertainty), rng)
     factors = {name: drawn[where] for name, where in factor_slices(vehicle).items()}
     model = pin.Model(vehicle.model)

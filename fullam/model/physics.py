@@ -8,6 +8,8 @@ the size of a coin with the inertia of a plate) is remarked upon.
 
 from __future__ import annotations
 
+import math
+import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
@@ -15,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, shown, within
 from fullam.exceptions import VehicleError
 
 Array = NDArray[np.float64]
@@ -33,6 +36,24 @@ are zeros, some of them written as -2e-35."""
 
 MASS_TOLERANCE = 1e-3
 """How far a declared mass may be from the sum over the links, relative: data sheets give grams."""
+
+
+LEAST_MASS, MOST_MASS = 1e-9, 1e6
+"""Masses of a link that are no typing errors [kg]."""
+
+MOST_INERTIA = 1e9
+"""The largest mass [kg] or entry of an inertia [kg m^2] that is looked at."""
+
+MOST_DISTANCE, MOST_ANGLE = 1e3, 1e3
+"""The largest coordinate of an origin [m] and its largest angle [rad]."""
+
+AXIS_LENGTH = 1e3
+"""A joint's axis is normalised on loading if its length is from 1 over this to this."""
+
+MOST_LINKS, MOST_NESTED = 1000, 100
+"""More links, or elements inside each other, than any vehicle's URDF has."""
+
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +82,95 @@ def parse_urdf(text: str, where: str) -> ElementTree.Element:
     Raises:
         VehicleError: If the text is not XML, or its root is not <robot>.
     """
+    if not isinstance(text, str):
+        raise VehicleError(where, "URDF", f"is {shown(text)}", "give the URDF's text")
+    if "<!" in COMMENT.sub("", text):
+        # A document type can define entities that grow without end; no URDF has one.
+        raise VehicleError(where, "XML", "has a document type or CDATA", "give a plain URDF")
     try:
+        _check_nesting(text, where)
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:
         raise VehicleError(where, "XML", str(error), "give a well-formed URDF") from error
     if root.tag != "robot":
         raise VehicleError(where, f"<{root.tag}>", "is the root element", "a URDF starts <robot>")
     return root
+
+
+def _check_nesting(text: str, where: str) -> None:
+    """Refuse a document that is nested deeper than any URDF, before a parser recurses into it."""
+    parser: ElementTree.XMLPullParser = ElementTree.XMLPullParser(["start", "end"])
+    depth, size = 0, 1 << 16
+    for start in range(0, len(text), size):
+        parser.feed(text[start : start + size])
+        for event, *_ in parser.read_events():
+            depth += 1 if event == "start" else -1
+            if depth > MOST_NESTED:
+                raise VehicleError(
+                    where,
+                    "XML",
+                    f"is nested {depth} elements deep",
+                    "links and joints are children of <robot>",
+                )
+
+
+def check_joints(robot: ElementTree.Element, where: str) -> None:
+    """Places, axes and limits of joints and inertias are finite, and what moves has an axis.
+
+    Raises:
+        VehicleError: Naming the file, the joint or link and the remedy.
+    """
+    for kind in ("link", "joint"):
+        if len(robot.findall(kind)) > MOST_LINKS:
+            raise VehicleError(
+                where, f"<{kind}>", f"is there more than {MOST_LINKS} times", "give a vehicle"
+            )
+    for link in robot.findall("link"):
+        for origin in link.findall("inertial/origin"):
+            _check_origin(origin, f"inertial of link '{link.get('name')}'", where)
+    for joint in robot.findall("joint"):
+        name = f"joint '{joint.get('name')}'"
+        for origin in joint.findall("origin"):
+            _check_origin(origin, name, where)
+        if joint.get("type") != "fixed":
+            axis = _numbers(joint.find("axis"), "xyz", f"axis of {name}", where)
+            length = 1.0 if axis is None else math.hypot(*axis)  # which does not overflow
+            if not 1.0 / AXIS_LENGTH <= length <= AXIS_LENGTH:
+                raise VehicleError(
+                    where, f"axis of {name}", f"has length {length:g}", "give a unit vector"
+                )
+        limit = joint.find("limit")
+        for key in () if limit is None else ("lower", "upper", "effort", "velocity"):
+            _numbers(limit, key, f"limit {key} of {name}", where, count=1)
+
+
+def _check_origin(origin: ElementTree.Element, name: str, where: str) -> None:
+    for key, most, unit in (("xyz", MOST_DISTANCE, "m"), ("rpy", MOST_ANGLE, "rad")):
+        numbers = _numbers(origin, key, f"origin {key} of {name}", where)
+        if numbers is not None and np.abs(numbers).max() > most:
+            raise VehicleError(
+                where,
+                f"origin {key} of {name}",
+                f"is {' '.join(f'{number:g}' for number in numbers)}",
+                f"give numbers of at most {most:g} {unit}",
+            )
+
+
+def _numbers(
+    element: ElementTree.Element | None, key: str, field: str, where: str, count: int = 3
+) -> Array | None:
+    """The finite numbers of an attribute; None where it is left out."""
+    text = None if element is None else element.get(key)
+    if text is None:
+        return None
+    try:
+        numbers = np.array([float(word) for word in text.split()])
+    except ValueError as error:
+        raise VehicleError(where, field, f"is {shown(text)}", "give numbers") from error
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        plural = "s" if count > 1 else ""
+        raise VehicleError(where, field, f"is {shown(text)}", f"give {count} finite number{plural}")
+    return numbers
 
 
 def link_inertias(robot: ElementTree.Element, where: str) -> list[LinkInertia]:
@@ -100,10 +203,9 @@ def _attribute(inertial: ElementTree.Element, tag: str, key: str, link: str, whe
     try:
         value = float(text)
     except ValueError as error:
-        raise VehicleError(where, field, f"is '{text}'", "give a number") from error
-    if not np.isfinite(value):
-        raise VehicleError(where, field, f"is {value}", "give a finite number")
-    return value
+        raise VehicleError(where, field, f"is {shown(text)}", "give a number") from error
+    # A mass of a megatonne and an inertia to it are typing errors, and would overflow further on.
+    return Checker(where, VehicleError).number(field, value, within(MOST_INERTIA))
 
 
 def inertia_problem(inertia: Array, mass: float = 0.0) -> str | None:
@@ -117,6 +219,8 @@ def inertia_problem(inertia: Array, mass: float = 0.0) -> str | None:
         inertia: Shape (3, 3), symmetric [kg m^2].
         mass: Mass of the body [kg]; by it a tensor is known to be zero but for rounding.
     """
+    if not np.isfinite(inertia).all():
+        return "is not finite"
     moments = np.linalg.eigvalsh(inertia)
     if np.max(np.abs(moments)) <= mass * POINT**2:
         return None
@@ -157,6 +261,13 @@ def link_problems(robot: ElementTree.Element, where: str) -> dict[str, VehicleEr
                 f"mass of link '{body.link}'",
                 f"is {body.mass:g} kg",
                 "a mass is positive, or 0 on a link that only carries a frame",
+            )
+        if 0.0 < body.mass < LEAST_MASS or body.mass > MOST_MASS:
+            raise VehicleError(
+                where,
+                f"mass of link '{body.link}'",
+                f"is {body.mass:g} kg",
+                f"give {LEAST_MASS:g} to {MOST_MASS:g} kg, or 0 to a link that carries a frame",
             )
         problem = inertia_problem(body.inertia, body.mass)
         if body.mass == 0.0 and np.any(body.inertia):

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fullam.checks import Checker, shown
 from fullam.exceptions import VehicleError
 
 Array = NDArray[np.float64]
@@ -20,6 +21,20 @@ NORMALIZED = 4.0 * np.finfo(float).eps
 
 COLUMNS = ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags", "min_speeds")
 """The numeric columns of `Rotors`."""
+
+
+MOST = (
+    ("positions", 1e3, "m"),
+    ("k_f", 1e3, "N/(rad/s)^2"),
+    ("k_tau", 1e3, "N m/(rad/s)^2"),
+    ("max_speeds", 1e6, "rad/s"),
+    ("min_speeds", 1e6, "rad/s"),
+    ("lags", 1e2, "s"),
+)
+"""Column, largest size and unit: what is beyond is a typing error, and would overflow."""
+
+MOST_THRUST, LEAST_THRUST = 1e7, 1e-9
+"""Largest thrust of a rotor that is none of a typing error [N]."""
 
 
 def thrust(k_f: ArrayLike, speed: ArrayLike) -> Array:
@@ -144,22 +159,43 @@ class Rotors:
 
     def __post_init__(self) -> None:
         """Check shapes and ranges, normalise the axes, freeze the arrays."""
-        n = len(self.names)
+        check = Checker(self.where, VehicleError)
+        if not isinstance(self.names, list | tuple):
+            raise check.refuse("names", f"is {shown(self.names)}", "give one name a rotor")
+        names = tuple(check.text(f"names[{i}]", name) for i, name in enumerate(self.names))
+        object.__setattr__(self, "names", names)
+        n = len(names)
         if n == 0:
             raise VehicleError(self.where, "rotors", "there is none", "give at least one rotor")
         if self.min_speeds is None:
             object.__setattr__(self, "min_speeds", np.zeros(n))
-        shapes = {"positions": (n, 3), "axes": (n, 3)}
         for field in COLUMNS:
+            self._own(field, (n, 3) if field in ("positions", "axes") else (n,))
+        self._normalise_axes()
+        self._check_ranges()
+        for field in COLUMNS:
+            getattr(self, field).setflags(write=False)
+
+    def _own(self, field: str, shape: tuple[int, ...]) -> None:
+        """Copy a column; it holds finite numbers of that shape."""
+        try:
             value = np.array(getattr(self, field), dtype=float)
-            shape = shapes.get(field, (n,))
-            if value.shape != shape:
-                raise VehicleError(
-                    self.where, field, f"has shape {value.shape}", f"{n} rotors need {shape}"
-                )
-            if not np.all(np.isfinite(value)):
-                raise VehicleError(self.where, field, "is not finite", "give finite numbers")
-            object.__setattr__(self, field, value)
+        except (TypeError, ValueError, OverflowError) as cause:
+            raise VehicleError(
+                self.where,
+                field,
+                f"is {shown(getattr(self, field))}",
+                f"{self.count} rotors need numbers of shape {shape}",
+            ) from cause
+        if value.shape != shape:
+            raise VehicleError(
+                self.where, field, f"has shape {value.shape}", f"{self.count} rotors need {shape}"
+            )
+        if not np.all(np.isfinite(value)):
+            raise VehicleError(self.where, field, "is not finite", "give finite numbers")
+        object.__setattr__(self, field, value)
+
+    def _normalise_axes(self) -> None:
         lengths = np.linalg.norm(self.axes, axis=1)
         error = np.abs(lengths - 1.0)
         if error.max() > UNIT_TOLERANCE:
@@ -172,24 +208,33 @@ class Rotors:
             )
         if error.max() > NORMALIZED:  # else a copy would differ in its last bit
             object.__setattr__(self, "axes", self.axes / lengths[:, None])
+
+    def _check_ranges(self) -> None:
         self._require("spins", np.abs(self.spins) == 1.0, "spin is +1 or -1")
+        for field, most, unit in MOST:
+            good = (np.abs(getattr(self, field)) <= most).reshape(self.count, -1).all(axis=1)
+            self._require(field, good, f"give at most {most:g} {unit}")
         self._require("k_f", self.k_f > 0, "a thrust coefficient is positive")
         self._require("k_tau", self.k_tau >= 0, "a drag coefficient is not negative; use the spin")
         self._require("max_speeds", self.max_speeds >= 0, "a largest speed is not negative")
-        possible = (self.min_speeds >= 0) & (
-            (self.min_speeds <= self.max_speeds) | (self.max_speeds == 0)
-        )
+        stopped = self.max_speeds == 0
+        possible = (self.min_speeds >= 0) & ((self.min_speeds <= self.max_speeds) | stopped)
         self._require("min_speeds", possible, "a least speed is from 0 to the largest speed")
         self._require("lags", self.lags >= 0, "a lag is not negative")
-        for field in COLUMNS:
-            getattr(self, field).setflags(write=False)
+        thrusts = thrust(self.k_f, self.max_speeds)
+        good = (thrusts <= MOST_THRUST) & ((thrusts >= LEAST_THRUST) | stopped)
+        self._require(
+            "max_speeds",
+            good,
+            f"k_f max_speed^2 is a thrust, {LEAST_THRUST:g} to {MOST_THRUST:g} N",
+        )
 
     def _require(self, field: str, good: NDArray[np.bool_], remedy: str) -> None:
         if not good.all():
             bad = int(good.argmin())
-            value = getattr(self, field)[bad]
+            value = " ".join(f"{x:g}" for x in np.ravel(getattr(self, field)[bad]))
             raise VehicleError(
-                self.where, f"{field} of rotor '{self.names[bad]}'", f"is {value:g}", remedy
+                self.where, f"{field} of rotor '{self.names[bad]}'", f"is {value}", remedy
             )
 
     @property
@@ -229,10 +274,13 @@ class Rotors:
 
     def wrench(self, speeds: ArrayLike) -> Array:
         """Wrench of the rotors at the given speeds [rad/s], eq. (34), in {A}, shape (6,)."""
-        return self.coupling_matrix @ np.square(np.asarray(speeds, dtype=float))
+        check = Checker(self.where, VehicleError)
+        return self.coupling_matrix @ np.square(check.array("speeds", speeds, (self.count,)))
 
     def with_failed(self, *indices: int) -> Rotors:
         """The same rotors with the given ones stopped: their largest speed becomes 0."""
+        check = Checker(self.where, VehicleError)
+        rows = [check.whole("index", index, -self.count, self.count - 1) for index in indices]
         max_speeds = self.max_speeds.copy()
-        max_speeds[list(indices)] = 0.0
+        max_speeds[rows] = 0.0
         return replace(self, max_speeds=max_speeds)

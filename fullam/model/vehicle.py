@@ -12,11 +12,19 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from fullam.checks import positive, shown
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.articulation import articulate, build_model
 from fullam.model.joints import ArmJoints
-from fullam.model.physics import check_bodies, check_total_mass, parse_urdf
+from fullam.model.physics import (
+    check_bodies,
+    check_joints,
+    check_total_mass,
+    inertia_problem,
+    link_inertias,
+    parse_urdf,
+)
 from fullam.model.rotors import COLUMNS, Rotors
 from fullam.model.wrench_axes import rank_on, require_rank
 
@@ -24,6 +32,9 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """Gravity when the definition states none [m/s^2]."""
+
+MOST_GRAVITY = 300.0
+"""Gravity at the sun's surface is 274 m/s^2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +86,19 @@ class Vehicle:
         Raises:
             VehicleError: If the data are incomplete or describe no physical vehicle.
         """
-        where = source or f"vehicle '{definition.get('name', '?')}'"
+        if not isinstance(definition, Mapping):
+            raise VehicleError(
+                source or "vehicle", "definition", f"is {shown(definition)}", "give a mapping"
+            )
+        where = source or f"vehicle {shown(definition.get('name', '?'))}"
         read.check_keys(definition, read.TOP_KEYS, where, "")
         name = read.text(definition, "name", where)
         platform = read.text(definition, "platform", where)
         tool = read.text(definition, "tool", where)
         urdf_place = f"{where} (its URDF)"
-        _check_root(parse_urdf(urdf_text, urdf_place), platform, where)
+        given = parse_urdf(urdf_text, urdf_place)
+        check_joints(given, urdf_place)
+        _check_root(given, platform, where)
         arm = read.arm_joints(definition, where)
         held = read.subtable(definition, "held", where)
         articulation = articulate(urdf_text, arm, tool, held, where)
@@ -92,11 +109,14 @@ class Vehicle:
             raise VehicleError(
                 urdf_place, "URDF", f"Pinocchio refuses it ({error})", "check joints and limits"
             ) from error
-        gravity = read.number(definition.get("gravity", GRAVITY), where, "gravity")
+        gravity = read.number(
+            definition.get("gravity", GRAVITY), where, "gravity", positive(MOST_GRAVITY, "m/s^2")
+        )
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         model.name = name
         remarks = [articulation.remark] if articulation.held else []
         if read.choice(definition, "physics", ("check", "trust"), where) == "trust":
+            link_inertias(robot, urdf_place)  # numbers they have to be
             remarks.append('masses and inertias are not checked: physics = "trust"')
         else:
             remarks += check_bodies(model, robot, urdf_place)
@@ -133,7 +153,20 @@ class Vehicle:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Vehicle:
-        """The inverse of `to_data`; what the definition yields by itself is left as it is."""
+        """The inverse of `to_data`; what the definition yields by itself is left as it is.
+
+        Raises:
+            VehicleError: The data are no vehicle's.
+        """
+        try:
+            return cls._from_data(data)
+        except (TypeError, ValueError, LookupError, AttributeError, OverflowError) as error:
+            raise VehicleError(
+                "vehicle", "data", f"{type(error).__name__}: {error}", "give what to_data gave"
+            ) from error
+
+    @classmethod
+    def _from_data(cls, data: Mapping[str, Any]) -> Vehicle:
         vehicle = cls.from_definition(data["definition"], data["urdf"])
         columns: dict[str, Any] = {
             name: np.array(values)
@@ -142,11 +175,12 @@ class Vehicle:
         }
         if columns:
             vehicle = replace(vehicle, rotors=replace(vehicle.rotors, **columns))
-        for i, body in enumerate(data["bodies"], start=1):
+        bodies = list(data["bodies"])
+        if len(bodies) != vehicle.model.njoints - 1:
+            raise ValueError(f"there are {len(bodies)} bodies")
+        for i, body in enumerate(bodies, start=1):
             if body != _body(vehicle.model.inertias[i]):
-                vehicle.model.inertias[i] = pin.Inertia(
-                    body["mass"], np.array(body["lever"]), np.array(body["inertia"])
-                )
+                vehicle.model.inertias[i] = _inertia(body, vehicle.definition.get("physics"))
         return vehicle
 
     @property
@@ -196,7 +230,15 @@ class Vehicle:
         q = pin.neutral(self.model)
         q[7:] = np.clip(0.0, self.model.lowerPositionLimit[7:], self.model.upperPositionLimit[7:])
         if theta is not None:
-            angles = np.asarray(theta, dtype=float)
+            try:
+                angles = np.asarray(theta, dtype=float)
+            except (TypeError, ValueError, OverflowError) as error:
+                raise VehicleError(
+                    f"vehicle '{self.name}'",
+                    "theta",
+                    f"is {shown(theta)}",
+                    f"give {self.n_arm} joint angles",
+                ) from error
             if angles.shape != (self.n_arm,):
                 raise VehicleError(
                     f"vehicle '{self.name}'",
@@ -264,6 +306,25 @@ def _check_root(robot: ElementTree.Element, platform: str, where: str) -> None:
         raise VehicleError(
             where, "platform", f"'{platform}' is not the root link", f"the URDF's root is {roots}"
         )
+
+
+def _inertia(body: Mapping[str, Any], physics: str | None) -> pin.Inertia:
+    """The inverse of `_body`.
+
+    Raises:
+        ValueError: No body has such mass properties; with physics = "trust", they are no numbers.
+    """
+    mass, lever, inertia = (np.array(body[name], float) for name in ("mass", "lever", "inertia"))
+    if mass.shape or lever.shape != (3,) or inertia.shape != (3, 3):
+        raise ValueError("a body has a mass, three coordinates and a 3 x 3 inertia")
+    if not all(np.isfinite(numbers).all() for numbers in (mass, lever, inertia)):
+        raise ValueError("a body cannot exist: its mass, centre or inertia is not finite")
+    if not np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0):  # rounding, and no more
+        raise ValueError("a body cannot exist: its inertia is not symmetric")
+    problem = "a negative mass" if mass < 0.0 else inertia_problem(inertia, float(mass))
+    if problem is not None and physics != "trust":
+        raise ValueError(f"a body cannot exist: {problem}")
+    return pin.Inertia(float(mass), lever, 0.5 * (inertia + inertia.T))
 
 
 def _body(inertia: pin.Inertia) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.exceptions import NotFullyActuated
+from fullam.checks import Checker, shown
+from fullam.exceptions import NotFullyActuated, VehicleError
 from fullam.model.rotors import Rotors
 
 Array = NDArray[np.float64]
@@ -42,6 +43,7 @@ def rank_on(rotors: Rotors, axes: ArrayLike | None = None) -> int:
         rotors: The rotors.
         axes: Mask, shape (6,) bool, or indices of the axes; None is all.
     """
+    Checker("wrench", VehicleError).instance("rotors", rotors, Rotors)
     B = rotors.normalized_coupling / full_scale(rotors)[:, None]
     largest = np.linalg.norm(B, 2)
     values = np.linalg.svd(B[_rows(axes)], compute_uv=False)
@@ -49,7 +51,19 @@ def rank_on(rotors: Rotors, axes: ArrayLike | None = None) -> int:
 
 
 def _rows(axes: ArrayLike | None) -> NDArray[np.intp]:
-    return np.arange(6)[slice(None) if axes is None else np.asarray(axes)]
+    if axes is None:
+        return np.arange(6)
+    try:
+        chosen = np.atleast_1d(np.asarray(axes, dtype=None if np.size(axes) else int))
+    except (TypeError, ValueError) as error:
+        raise VehicleError(
+            "wrench", "axes", f"is {shown(axes)}", "give a mask of six, or indices"
+        ) from error
+    is_mask = chosen.dtype == bool and chosen.shape == (6,)
+    is_list = chosen.dtype.kind in "iu" and chosen.ndim == 1 and (np.abs(chosen + 0.5) < 6.5).all()
+    if not (is_mask or is_list):
+        raise VehicleError("wrench", "axes", f"is {shown(axes)}", "give a mask of six, or indices")
+    return np.arange(6)[chosen]
 
 
 def controllable_axes(rotors: Rotors) -> tuple[bool, ...]:

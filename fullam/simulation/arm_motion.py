@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, Range, within
 from fullam.exceptions import ScenarioError
 from fullam.model.joints import ArmJoints
 
@@ -57,17 +58,11 @@ class SineRate:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        if not isinstance(self.joint, int) or self.joint < 1:
-            raise ScenarioError(
-                "arm motion", "joint", f"is {self.joint!r}", "joints count 1, 2, ..."
-            )
-        if not (np.isfinite(self.rate) and 0.0 < self.frequency < np.inf):
-            raise ScenarioError(
-                "arm motion",
-                "rate, frequency",
-                f"are {self.rate!r}, {self.frequency!r}",
-                "give a finite rate and a frequency above 0",
-            )
+        check = Checker("arm motion", ScenarioError)
+        object.__setattr__(self, "joint", check.whole("joint", self.joint, 1, 1000))
+        object.__setattr__(self, "rate", check.number("rate", self.rate, within(1e3, "rad/s")))
+        frequency = check.number("frequency", self.frequency, Range(1e-6, 1e4, "rad/s"))
+        object.__setattr__(self, "frequency", frequency)
 
     def tabulate(self, t: Array, initial: Array) -> ArmTable:
         """The motion on the grid t [s], from the initial positions [rad or m]."""

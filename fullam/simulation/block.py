@@ -22,6 +22,7 @@ from fullam.control.estimator import (
     estimate_stage,
     flies_as_kernel,
 )
+from fullam.control.governor import GovernorMemory, GovernView, govern, hand_on
 from fullam.control.law import (
     CommandView,
     InformView,
@@ -32,7 +33,7 @@ from fullam.control.law import (
     not_fused,
     numbers_of,
 )
-from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status
+from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status, Target
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
@@ -94,6 +95,7 @@ class Block:
         self.readings, self.estimate = self._empty(Readings, 1), self._empty(Estimate, 1)
         self.command, self.delivery = self._empty(Command, 1), self._empty(Delivery, 1)
         self.residual = self._empty(Spatial, 1)
+        self.target, self.governor = self._empty(Target, 1), self._empty(GovernorMemory, 1)
         self.speeds = self._empty(float, n)
         self.drawn = tables.draws.rows(lanes, self.estimator.needs_inertial)
         self.problem, self.memory = self.allocator.problem(), allocation_memory(n, lanes)
@@ -120,7 +122,8 @@ class Block:
         """Stand at the scenario's start, at rest, rotors at hover speed; nothing remembered."""
         self.state.array[:] = 0.0
         self.state.array[0, :7].T[:] = self.tables.initial_pose
-        self.status.array[:] = 0.0
+        for rows in (self.status, self.governor, self.delivery):
+            rows.array[:] = 0.0
         self.status["end"][:] = FOREVER
         for rows in rows_of(self.memory):
             rows.array[:] = 0.0
@@ -165,6 +168,7 @@ class Block:
         stages = {
             "watch": Stage(watch, WatchView(self.state, t.targets, t.bounds, self.status)),
             "sense": Stage(sensing, self.sense_view()),
+            "govern": Stage(govern if t.is_governed else hand_on, self.govern_view()),
             "allocate": Stage(allocate_command, self.allocate_view()),
         }
         if t.plan.anticipation is not None:
@@ -186,6 +190,11 @@ class Block:
         memory = self.estimator_memory
         return EstimateView(self._estimator_numbers, memory, self.readings, self.estimate)
 
+    def govern_view(self) -> GovernView:
+        """What the governor's stage is shown."""
+        t = self.tables
+        return GovernView(t.governor, t.targets, self.delivery, self.governor, self.target)
+
     def command_view(self, joints: Rows) -> CommandView:
         """What the law's first stage is shown; `joints` as the law wants to see them."""
         t = self.tables
@@ -194,7 +203,7 @@ class Block:
             t.links,
             joints,
             t.joint_rows,
-            t.targets,
+            self.target,
             self.estimate,
             self.law_memory,
             self.command,
@@ -236,6 +245,7 @@ class Block:
             self.estimate,
             self.command,
             self.delivery,
+            self.governor,
             self.residual,
             self.commands,
             self.speeds,
@@ -270,6 +280,7 @@ class Block:
         rotors = self.rotors.array[..., lane] if self.lanes else self.rotors.array
         log = {name: entries[:, part] for name, part in names.items()}
         log["saturated"] = log["saturated"][:, 0] > 0.0
+        log["given_up"] = log["given_up"][:, 0]
         return log | {"rotor_commands": rotors[..., 0], "rotor_speeds": rotors[..., 1]}
 
     def ending(self, lane: int = 0) -> tuple[int, str]:

@@ -11,6 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 from fullam.exceptions import SettingsError
+from fullam.numbers.machine_code import available
 from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan, checked_seed
 from fullam.simulation.fused import Fused, run_of
@@ -74,7 +75,7 @@ def fly_blocks(
         collect: Given a block, once a thread: a function from the seeds that it has just flown, one
             a lane, to what is wanted of each. The block's rows are overwritten afterwards.
         keep: What the flights write.
-        lanes: Flights at a time in a thread.
+        lanes: Flights at a time in a thread; one where nothing can be compiled.
         threads: Threads; one for each processor if None.
 
     Yields:
@@ -87,6 +88,7 @@ def fly_blocks(
     for name, value in (("lanes", lanes), ("threads", threads)):
         if not isinstance(value, int) or value < 1:
             raise SettingsError("many flights", name, f"is {value!r}", "give a whole number, 1 up")
+    lanes = lanes if available() and lanes > 1 else 0  # one at a time, as scalars
     tables, local = Tables(plan), threading.local()
 
     def fly(some: Sequence[int]) -> list[Result]:
@@ -99,7 +101,7 @@ def fly_blocks(
         return done
 
     remaining = map(checked_seed, iter(seeds))
-    blocks = iter(lambda: list(itertools.islice(remaining, lanes)), [])
+    blocks = iter(lambda: list(itertools.islice(remaining, lanes or 1)), [])
     yield from map(fly, itertools.islice(blocks, 1))  # compiles, if it has to be
     yield from map(fly, blocks) if threads == 1 else _in_threads(fly, blocks, threads)
 

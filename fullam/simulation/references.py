@@ -6,12 +6,14 @@ malformed table is found on the ground.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, Range, from_zero, positive, shown, within
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import ScenarioError, UnknownName
 
@@ -38,11 +40,9 @@ class ReferenceTable:
     acceleration: Array
 
 
-def _vector(where: str, field: str, value: Any) -> tuple[float, float, float]:
-    array = np.asarray(value, dtype=float)
-    if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ScenarioError(where, field, f"is {value!r}", "give three finite numbers")
-    return (float(array[0]), float(array[1]), float(array[2]))
+FAR, TURNED = within(1e6, "m"), within(1e5, "deg")
+LATE, MOST_POINTS = 1e6, 100_000
+"""What makes sense for a coordinate, an angle, a time [s] and a number of waypoints."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class Step:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for field in ("position", "euler_deg"):
-            object.__setattr__(self, field, _vector("step", field, getattr(self, field)))
-        if not (np.isfinite(self.at) and self.at >= 0.0):
-            raise ScenarioError("step", "at", f"is {self.at!r}", "give seconds, 0 or later")
+        check = Checker("step", ScenarioError)
+        object.__setattr__(self, "position", check.vector("position", self.position, 3, FAR))
+        object.__setattr__(self, "euler_deg", check.vector("euler_deg", self.euler_deg, 3, TURNED))
+        object.__setattr__(self, "at", check.number("at", self.at, from_zero(LATE, "s")))
 
     @property
     def final_pose(self) -> Array:
@@ -95,19 +95,23 @@ class Waypoints:
 
     def __post_init__(self) -> None:
         """Check lengths, order and numbers."""
-        times = np.asarray(self.times, dtype=float)
-        if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)):
-            raise ScenarioError("waypoints", "times", "is empty or not finite", "give seconds")
-        if times[0] < 0 or np.any(np.diff(times) <= 0):
-            raise ScenarioError("waypoints", "times", "does not ascend from 0 on", "sort them")
-        object.__setattr__(self, "times", tuple(float(x) for x in times))
-        for field in ("positions", "euler_deg"):
+        check = Checker("waypoints", ScenarioError)
+        times = check.vector("times", self.times, None, from_zero(LATE, "s"))
+        if not 0 < len(times) <= MOST_POINTS:
+            raise check.refuse("times", f"has {len(times)} entries", f"give 1 to {MOST_POINTS}")
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise check.refuse("times", "does not ascend from 0 on", "sort them")
+        object.__setattr__(self, "times", times)
+        for field, numbers in (("positions", FAR), ("euler_deg", TURNED)):
             rows = getattr(self, field)
-            if len(rows) != times.size:
-                raise ScenarioError(
-                    "waypoints", field, f"has {len(rows)} rows", f"give {times.size}, one a time"
+            is_list = isinstance(rows, list | tuple) or np.ndim(rows) == 2
+            if not is_list or len(rows) != len(times):
+                raise check.refuse(
+                    field, f"is {shown(rows)}", f"give {len(times)} rows of three, one a time"
                 )
-            rows = tuple(_vector("waypoints", f"{field}[{i}]", r) for i, r in enumerate(rows))
+            rows = tuple(
+                check.vector(f"{field}[{i}]", row, 3, numbers) for i, row in enumerate(rows)
+            )
             object.__setattr__(self, field, rows)
 
     @property
@@ -142,13 +146,12 @@ class Circle:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for field in ("center", "euler_deg"):
-            object.__setattr__(self, field, _vector("circle", field, getattr(self, field)))
-        for field in ("radius", "period"):
-            if not 0.0 < getattr(self, field) < np.inf:
-                raise ScenarioError(
-                    "circle", field, f"is {getattr(self, field)!r}", "give a number above 0"
-                )
+        check = Checker("circle", ScenarioError)
+        object.__setattr__(self, "center", check.vector("center", self.center, 3, FAR))
+        object.__setattr__(self, "euler_deg", check.vector("euler_deg", self.euler_deg, 3, TURNED))
+        object.__setattr__(self, "radius", check.number("radius", self.radius, positive(1e6, "m")))
+        period = check.number("period", self.period, Range(1e-3, LATE, "s"))
+        object.__setattr__(self, "period", period)
 
     @property
     def final_pose(self) -> None:
@@ -184,21 +187,19 @@ def from_dict(cls_by_kind: dict[str, Any], what: str, data: dict[str, Any]) -> A
         UnknownName: No such kind; the message lists the known ones.
         ScenarioError: A field that the kind does not have, or one that is missing.
     """
-    values = dict(data)
+    values = Checker(what, ScenarioError).table("table", data)
     kind = values.pop("kind", "")
-    if kind not in cls_by_kind:
-        raise UnknownName(f"kind of {what}", str(kind), cls_by_kind)
+    if not isinstance(kind, str) or kind not in cls_by_kind:
+        raise UnknownName(
+            f"kind of {what}", kind if isinstance(kind, str) else shown(kind), cls_by_kind
+        )
     cls = cls_by_kind[kind]
-    known = [f.name for f in fields(cls)]
-    for key in values:
-        if key not in known:
-            raise ScenarioError(
-                f"{what} '{kind}'", key, "is no field of it", f"it has {', '.join(known)}"
-            )
-    try:
-        return cls(**values)
-    except TypeError as error:
-        raise ScenarioError(f"{what} '{kind}'", "fields", str(error), "give all of them") from error
+    check = Checker(f"{what} '{kind}'", ScenarioError)
+    check.known(values, tuple(f.name for f in fields(cls)))
+    for f in fields(cls):
+        if f.name not in values and f.default is MISSING and f.default_factory is MISSING:
+            raise check.refuse(f.name, "is missing", "give it")
+    return cls(**values)
 
 
 def to_dict(value: Any) -> dict[str, Any]:
@@ -213,6 +214,15 @@ def tabulate(reference: Reference, t: Array, initial_pose: Array) -> ReferenceTa
         ScenarioError: Some entry is NaN or infinite; the message says which, and when.
     """
     table = reference.tabulate(t, initial_pose)
+    for field, width in (("pose", 7), ("velocity", 6), ("acceleration", 6)):
+        rows = getattr(table, field, None)
+        if not isinstance(rows, np.ndarray) or rows.shape != (t.size, width):
+            raise ScenarioError(
+                f"reference '{reference.kind}'",
+                field,
+                f"is {shown(getattr(rows, 'shape', rows))}",
+                f"tabulate gives an array of shape ({t.size}, {width})",
+            )
     for field in ("pose", "velocity", "acceleration"):
         bad = np.argwhere(~np.isfinite(getattr(table, field)))
         if bad.size:

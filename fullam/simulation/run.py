@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import shown
 from fullam.dynamics.pose_space import euler_from_pose
 from fullam.exceptions import RunFileError
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle
+from fullam.simulation import run_file
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import Weather
@@ -32,12 +31,6 @@ METADATA = (
     *("outcome", "reason", "driver", "versions"),
 )
 """What a run's metadata hold beside the format."""
-
-UNREADABLE = (
-    *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, KeyError, TypeError),
-    *(AttributeError, NotImplementedError, MemoryError, SyntaxError, tokenize.TokenError),
-)
-"""What zipfile, zlib, NumPy (its header is Python text) and JSON raise on a damaged file."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +60,7 @@ COLUMNS: dict[str, Column] = {
     "delivered": Column(6, "N, N m", "wrench of the allocated speeds, world axes at {A}"),
     "residual": Column(6, "N, N m", "delivered minus commanded, {A} axes; 0 in reach"),
     "saturated": Column(0, "", "whether a bound kept the allocation from the command"),
+    "given_up": Column(0, "", "share of the target's tilt that the governor took back"),
     "rotor_commands": Column("rotors", "rad/s", "speeds asked of the rotors"),
     "rotor_speeds": Column("rotors", "rad/s", "true speeds"),
     "rotor_wrench": Column(6, "N, N m", "true wrench of the rotors, world axes at {A}"),
@@ -77,7 +71,7 @@ COLUMNS: dict[str, Column] = {
 
 LOGGED = (
     *("pose", "velocity", "measured_pose", "measured_velocity", "u_pid", "u_dc", "command"),
-    *("residual", "saturated", "rotor_commands", "rotor_speeds"),
+    *("residual", "saturated", "given_up", "rotor_commands", "rotor_speeds"),
 )
 """Columns that are written tick by tick; the others follow from them and the plan."""
 
@@ -129,6 +123,7 @@ class Run:
     delivered: Array
     residual: Array
     saturated: Array
+    given_up: Array
     rotor_commands: Array
     rotor_speeds: Array
     rotor_wrench: Array
@@ -235,41 +230,9 @@ class Run:
         """Read a run written by `save`.
 
         Raises:
-            RunFileError: The file is missing, truncated, or no run of this format.
+            RunFileError: The file is missing, truncated, or no run of this format; see `run_file`.
         """
-        where = str(path)
-        if not Path(path).is_file():
-            raise RunFileError(where, "file", "does not exist", "give the path of a saved run")
-        try:
-            with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
-            metadata = json.loads(str(arrays["metadata"]))
-        except UNREADABLE as error:
-            raise RunFileError(
-                where,
-                "file",
-                f"cannot be read as a run ({type(error).__name__}: {error})",
-                "give a file written by Run.save; this one is truncated, damaged or another's",
-            ) from error
-        found = metadata.get("format") if isinstance(metadata, dict) else None
-        if found != FORMAT:
-            raise RunFileError(
-                where,
-                "format",
-                f"is {found!r}",
-                f"this version reads '{FORMAT}'; read it with the version that wrote it, or fly "
-                "the scenario again",
-            )
-        missing = [name for name in COLUMNS if name not in arrays]
-        missing += [name for name in METADATA if name not in metadata]
-        if missing:
-            raise RunFileError(where, "contents", f"{', '.join(missing)} missing", "save it again")
-        rows = arrays["t"].shape
-        for name, column in COLUMNS.items():
-            shape = arrays[name].shape
-            width_fits = not isinstance(column.width, int) or shape[1:] == (column.width,) * (
-                column.width > 0
-            )
-            if shape[:1] != rows or not width_fits:
-                raise RunFileError(where, name, f"has shape {shape}", "save the run again")
-        return cls({name: arrays[name] for name in COLUMNS}, metadata)
+        if not isinstance(path, str | Path):
+            raise RunFileError("Run.load", "path", f"is {shown(path)}", "give a path")
+        widths = {name: column.width for name, column in COLUMNS.items()}
+        return cls(*run_file.read(Path(path), run_file.Format(FORMAT, widths, METADATA)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, positive, read_toml, shown
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
 from fullam.model.vehicle import Vehicle
@@ -22,6 +22,9 @@ from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 
 Array = NDArray[np.float64]
+
+LONGEST = 1e4
+"""Longest flight [s]: at 1 kHz its tables take about a gigabyte."""
 
 AXES = ("x", "y", "z", "phi", "psi", "gamma")
 """Names of the six axes: position, then x-y-z Euler angles (or the moments about x, y, z)."""
@@ -62,36 +65,34 @@ class Scenario:
     shaping: Shaping = SHAPED
 
     def __post_init__(self) -> None:
-        """Check the numbers and the axes; lists become tuples."""
-        for name in ("initial_position", "initial_euler_deg", "initial_arm_deg"):
-            value = np.asarray(getattr(self, name), dtype=float)
-            shape_is_right = value.ndim == 1 and (name == "initial_arm_deg" or value.size == 3)
-            if not shape_is_right or not np.all(np.isfinite(value)):
-                raise ScenarioError(
-                    f"scenario '{self.name}'",
-                    name,
-                    f"is {getattr(self, name)!r}",
-                    "give finite numbers, three of a position or of Euler angles",
-                )
-            object.__setattr__(self, name, tuple(float(x) for x in value))
-        if not (np.isfinite(self.duration) and self.duration > 0.0):
-            raise ScenarioError(
-                f"scenario '{self.name}'",
-                "duration",
-                f"is {self.duration!r}",
-                "give seconds, above 0",
-            )
-        object.__setattr__(self, "duration", float(self.duration))
-        for name in ("name", "description", "vehicle"):
-            if not isinstance(getattr(self, name), str):
-                raise ScenarioError(
-                    f"scenario '{self.name}'", name, f"is {getattr(self, name)!r}", "give a text"
-                )
-        axes = (self.axes,) if isinstance(self.axes, str) else tuple(self.axes)
+        """Check everything; lists become tuples.
+
+        Raises:
+            ScenarioError: Naming the scenario, the field and what would be right.
+        """
+        check = Checker(f"scenario {shown(self.name)}", ScenarioError)
+        check.text("name", self.name)
+        check.text("vehicle", self.vehicle)
+        check.text("description", self.description, prose=True)
+        for name, size, numbers in (
+            ("initial_position", 3, references.FAR),
+            ("initial_euler_deg", 3, references.TURNED),
+            ("initial_arm_deg", None, references.TURNED),
+        ):
+            object.__setattr__(self, name, check.vector(name, getattr(self, name), size, numbers))
+        duration = check.number("duration", self.duration, positive(LONGEST, "s"))
+        object.__setattr__(self, "duration", duration)
+        for name in ("reference", "arm_motion"):  # a user may bring a class of another kind
+            value = getattr(self, name)
+            if isinstance(value, type) or not callable(getattr(value, "tabulate", None)):
+                raise check.refuse(name, f"is {shown(value)}", "give an object that can tabulate")
+        check.instance("weather", self.weather, Weather)
+        check.instance("shaping", self.shaping, Shaping)
+        axes = (self.axes,) if isinstance(self.axes, str) else self.axes
+        if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
+            raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
         if not axes or set(axes) - set(AXES):
-            raise ScenarioError(
-                f"scenario '{self.name}'", "axes", f"is {axes!r}", f"choose from {', '.join(AXES)}"
-            )
+            raise check.refuse("axes", f"is {shown(tuple(axes))}", f"choose from {', '.join(AXES)}")
         object.__setattr__(self, "axes", tuple(a for a in AXES if a in axes))
 
     @property
@@ -149,25 +150,12 @@ class Scenario:
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.
         """
-        name = str(data.get("name", "?"))
-        known = [f.name for f in fields(cls)]
-        for key in data:
-            if key not in known:
-                raise ScenarioError(
-                    f"scenario '{name}'", key, "is no field of it", f"it has {', '.join(known)}"
-                )
-        if "name" not in data:
-            raise ScenarioError("scenario", "name", "is missing", "give it a name")
-        try:
-            return cls(**cls._values(dict(data)))
-        except (TypeError, ValueError, AttributeError) as error:
-            raise ScenarioError(
-                f"scenario '{name}'",
-                "a value",
-                f"is of the wrong type ({error})",
-                "give numbers where numbers belong, and tables for reference, arm motion, weather "
-                "and shaping",
-            ) from error
+        values = Checker("scenario", ScenarioError).table("table", data)
+        check = Checker(f"scenario {shown(values.get('name', '?'))}", ScenarioError)
+        check.known(values, tuple(f.name for f in fields(cls)))
+        if "name" not in values:
+            raise check.refuse("name", "is missing", "give it a name")
+        return cls(**cls._values(values))
 
     @staticmethod
     def _values(values: dict[str, Any]) -> dict[str, Any]:
@@ -194,6 +182,7 @@ _REGISTRY: Registry[Scenario] = Registry("scenario")
 
 def register_scenario(scenario: Scenario) -> Scenario:
     """Make a scenario known under its name."""
+    Checker("register_scenario", ScenarioError).instance("scenario", scenario, Scenario)
     _REGISTRY[scenario.name] = scenario
     return scenario
 
@@ -210,13 +199,17 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         UnknownName: Neither a registered name nor an existing file.
         ScenarioError: The file is no TOML, or does not describe a scenario; names file and field.
     """
+    if not isinstance(name_or_path, str | Path):
+        raise ScenarioError(
+            "load_scenario",
+            "name_or_path",
+            f"is {shown(name_or_path)}",
+            f"give the path of a TOML, or one of {', '.join(_REGISTRY)}",
+        )
     path = Path(name_or_path)
-    if path.suffix != ".toml" or not path.is_file():
+    if path.suffix != ".toml" or not _exists(path):
         return _REGISTRY[str(name_or_path)]
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ScenarioError(str(path), "TOML", str(error), "mend the syntax") from error
+    data = read_toml(path, Checker(str(path), ScenarioError))
     try:
         return Scenario.from_dict(data)
     except InvalidInput as error:
@@ -227,3 +220,10 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         raise ScenarioError(
             str(path), error.kind, f"'{error.name}' is unknown", f"choose {', '.join(error.known)}"
         ) from error
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        return False

@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from fullam.checks import Checker, Range, positive, shown
 from fullam.control.estimators import estimator_class, make_estimator_settings
+from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 
 WHERE = "simulation settings"
+CHECK = Checker(WHERE, ScenarioError)
+
+RANGES = {
+    "control_period": Range(1e-5, 1.0, "s"),
+    "plant_period": Range(1e-6, 1.0, "s"),
+    "pose_period": Range(1e-5, 100.0, "s"),
+    "delay": Range(0.0, 100.0, "s"),
+    "max_position_error": positive(1e6, "m"),
+    "max_attitude_error_deg": positive(1e3, "deg"),
+}
+"""What makes sense for each number."""
+
+MOST_TICKS, MOST_STEPS = 2_000_000, 20_000_000
+"""Control periods and plant steps of the longest flight; its tables and record take some 3 GB."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +43,8 @@ class SimulationSettings:
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
         estimator: Name of the estimator.
         estimator_settings: Those of the estimator's settings that differ from its defaults.
+        governor: Takes the target's tilt back while force is short; "off" for none, a mapping
+            for other settings than the default ones.
         max_position_error: Farther than this from the reference [m] the flight has diverged.
         max_attitude_error_deg: The same for the angle to the reference attitude [deg].
     """
@@ -38,20 +56,20 @@ class SimulationSettings:
     delay: float = 0.0
     estimator: str = "first-order"
     estimator_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    governor: Any = field(default_factory=Governor)
     max_position_error: float = 5.0
     max_attitude_error_deg: float = 120.0
 
     def __post_init__(self) -> None:
         """Check ranges, names and that the rates divide each other."""
-        for name in ("control_period", "plant_period", "max_position_error"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ScenarioError(WHERE, name, f"is {value!r}", "give a number above 0")
         if self.pose_period is None:
             object.__setattr__(self, "pose_period", self.control_period)
-        integrator(self.integrator)
-        estimator_class(self.estimator)
+        for name, numbers in RANGES.items():
+            object.__setattr__(self, name, CHECK.number(name, getattr(self, name), numbers))
+        integrator(CHECK.text("integrator", self.integrator))
+        estimator_class(CHECK.text("estimator", self.estimator))
         self._own_estimator_settings()
+        object.__setattr__(self, "governor", _governor(self.governor))
         self._multiple("control_period", self.control_period, "plant_period", self.plant_period)
         self._multiple("pose_period", self.pose_period, "control_period", self.control_period)
         if self.delay != 0.0:
@@ -59,14 +77,31 @@ class SimulationSettings:
 
     def _own_estimator_settings(self) -> None:
         """Copy them, lists as tuples, and see whether the estimator takes them."""
-        given = self.estimator_settings
-        if not isinstance(given, Mapping):
-            raise ScenarioError(
-                WHERE, "estimator_settings", f"is {given!r}", "give names and values"
-            )
+        given = CHECK.table("estimator_settings", self.estimator_settings)
         changes = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
         make_estimator_settings(self.estimator, changes)
         object.__setattr__(self, "estimator_settings", changes)
+
+    def check_length(self, duration: float) -> None:
+        """Refuse a flight whose tables would fill the memory.
+
+        Args:
+            duration: Length of the flight [s].
+
+        Raises:
+            ScenarioError: More than `MOST_TICKS` or `MOST_STEPS`.
+        """
+        duration = CHECK.number("duration", duration, positive(1e300, "s"))
+        for name, period, most in (
+            ("control_period", self.control_period, MOST_TICKS),
+            ("plant_period", self.plant_period, MOST_STEPS),
+        ):
+            if duration / period > most:
+                raise CHECK.refuse(
+                    name,
+                    f"{period:g} s makes {duration / period:.2g} steps of {duration:g} s",
+                    f"at most {most:g} fit: lengthen it, or shorten the flight",
+                )
 
     def _multiple(self, field: str, value: float | None, unit_name: str, unit: float) -> None:
         ratio = (value or np.nan) / unit
@@ -96,13 +131,26 @@ class SimulationSettings:
     def to_dict(self) -> dict[str, Any]:
         """JSON values."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        return data | {"estimator_settings": dict(self.estimator_settings)}
+        governor = asdict(self.governor) if isinstance(self.governor, Governor) else "off"
+        return data | {"estimator_settings": dict(self.estimator_settings), "governor": governor}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:
         """The inverse of `to_dict`."""
-        known = [f.name for f in fields(cls)]
-        for key in data:
-            if key not in known:
-                raise ScenarioError(WHERE, key, "is no field of it", f"it has {', '.join(known)}")
-        return cls(**data)
+        values = CHECK.table("settings", data)
+        CHECK.known(values, tuple(f.name for f in fields(cls)))
+        return cls(**values)
+
+
+def _governor(given: Any) -> Governor | None:
+    """The governor that was asked for."""
+    if given is None or isinstance(given, Governor):
+        return given
+    if isinstance(given, str) and given in ("on", "off"):
+        return Governor() if given == "on" else None
+    known = [f.name for f in fields(Governor)]
+    if not isinstance(given, Mapping) or set(given) - set(known):
+        raise CHECK.refuse(
+            "governor", f"is {shown(given)}", f"give 'on', 'off', or some of {', '.join(known)}"
+        )
+    return Governor(**given)

@@ -14,13 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker, Range
 from fullam.exceptions import ScenarioError
 from fullam.simulation.blending import blend_jumps, leaves_jumps
 from fullam.simulation.references import ReferenceTable
 
 Array = NDArray[np.float64]
 
-LIMITS = ("max_acceleration", "max_angular_acceleration")
+CHECK = Checker("shaping", ScenarioError)
+
+LIMITS = {
+    "max_acceleration": Range(1e-6, 1e6, "m/s^2"),
+    "max_angular_acceleration": Range(1e-6, 1e6, "rad/s^2"),
+}
+"""What makes sense for each limit; None stands for no limit."""
 
 
 @dataclass(frozen=True)
@@ -44,21 +51,13 @@ class Shaping:
 
     def __post_init__(self) -> None:
         """Check every value; an infinite limit is none."""
-        for field in LIMITS:
-            object.__setattr__(self, field, self._limit(field))
-        if not isinstance(self.anticipate, bool):
-            raise self._wrong("anticipate", "give true or false")
-
-    def _limit(self, field: str) -> float | None:
-        value = getattr(self, field)
-        if value is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
-            raise self._wrong(field, "give a number above 0, or None for no limit")
-        return None if np.isinf(value) else float(value)
-
-    def _wrong(self, field: str, remedy: str) -> ScenarioError:
-        return ScenarioError("shaping", field, f"is {getattr(self, field)!r}", remedy)
+        for name, numbers in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None:
+                unlimited = isinstance(value, float) and value == np.inf
+                value = None if unlimited else CHECK.number(name, value, numbers)
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "anticipate", CHECK.flag("anticipate", self.anticipate))
 
     def blend(self, reference: ReferenceTable, start_pose: Array) -> ReferenceTable:
         """The reference with its jumps spread; see `blending.blend_jumps`."""
@@ -90,11 +89,9 @@ class Shaping:
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.
         """
-        for key in changes:
-            if key not in self.to_dict():
-                known = ", ".join(self.to_dict())
-                raise ScenarioError("shaping", key, "is no field of it", f"it has {known}")
-        return Shaping(**self.to_dict() | dict(changes))
+        values = CHECK.table("shaping", changes)
+        CHECK.known(values, tuple(self.to_dict()))
+        return Shaping(**self.to_dict() | values)
 
 
 SHAPED = Shaping()

@@ -36,7 +36,8 @@ class Choices(TypedDict, total=False):
         calm: No noise, no gusts, no parameter errors, whatever the weather.
         settings: The controller's settings: an instance, or a mapping of those that differ from
             the defaults.
-        simulation: Rates, integrator, sensors, estimator.
+        simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
+            what differs from the defaults.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
     """
@@ -46,7 +47,7 @@ class Choices(TypedDict, total=False):
     weather: Weather | str | None
     calm: bool
     settings: Any
-    simulation: SimulationSettings | None
+    simulation: SimulationSettings | Mapping[str, Any] | None
     shaping: Shaping | Mapping[str, Any] | None
 
 
@@ -68,12 +69,15 @@ def prepare(
     settings = choices.get("settings")
     if settings is None or isinstance(settings, Mapping):
         settings = make_settings(controller, dict(settings or {}))
+    simulation = choices.get("simulation") or {}
+    if not isinstance(simulation, SimulationSettings):
+        simulation = SimulationSettings.from_dict(dict(simulation))
     return FlightPlan.prepare(
         scenario,
         vehicle,
         controller,
         settings,
-        choices.get("simulation") or SimulationSettings(),
+        simulation,
         weather or scenario.weather,
         choices.get("seed", 0),
     )

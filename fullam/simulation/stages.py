@@ -6,6 +6,7 @@ A flight is a list of stages, called in turn in every control period:
     sense     what do the sensors read?                              here, `sensors`
     estimate  what does the estimator make of it?                    `fullam.control.estimator`
     foresee   take the known lags off                                here, `anticipation`
+    govern    take the target's tilt back while force is short       `fullam.control.governor`
     command   which wrench does the law want?                        `fullam.control.law`
     allocate  which rotor speeds give it?                            `fullam.control.delivery`
     inform    tell the law what it did not get                       `fullam.control.law`
@@ -31,7 +32,7 @@ from fullam.simulation.anticipation import advance
 from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
-    *("watch", "sense", "estimate", "foresee", "command"),
+    *("watch", "sense", "estimate", "foresee", "govern", "command"),
     *("allocate", "inform", "record", "move"),
 )
 """The stages, as a control period calls them."""
@@ -62,6 +63,7 @@ class Entry(NamedTuple):
     command: Spatial
     residual: Spatial
     saturated: Number
+    given_up: Number
 
 
 class RotorEntry(NamedTuple):
@@ -112,6 +114,7 @@ class RecordView(NamedTuple):
     estimate: Any
     command: Any
     delivery: Any
+    governor: Any
     residual: Any
     commands: Any
     speeds: Any
@@ -178,6 +181,8 @@ def record_entry(view, k):
         command.wrench,
         view.residual[0],
         view.delivery[0].saturated,
+        view.governor[0].given_up,
     )
+    rotors = view.rotors[k]
     for i in range(len(view.speeds)):
-        view.rotors[k][i] = RotorEntry(view.commands[i], view.speeds[i])
+        rotors[i] = RotorEntry(view.commands[i], view.speeds[i])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
 from fullam.control.estimator import Estimator
+from fullam.control.governor import Governor
 from fullam.control.signals import Ahead, Target
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView, place
@@ -48,6 +49,7 @@ class Tables:
         joint_rows: Rows of the arm in a control period.
         stepping: How the plant is integrated.
         rates: How the sensors are read.
+        governor: The governor's numbers, and whether it is on.
         thrust_coefficients: k_f of the nominal rotors, n_r numbers.
         bounds: Bounds of sense.
     """
@@ -72,6 +74,9 @@ class Tables:
         half_angle = 0.5 * np.radians(min(s.max_attitude_error_deg, 360.0))
         every = max(1, round(DIVERGENCE_PERIOD / s.control_period))
         self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
+        governor: Governor = s.governor or Governor()
+        self.is_governed = s.governor is not None
+        self.governor = governor.numbers(nominal.mass * nominal.gravity, s.control_period)
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
         cosine = np.cos(half_angle) if half_angle < 0.5 * np.pi else 0.0

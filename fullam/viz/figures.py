@@ -109,7 +109,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None) -> Figure:
         pose, response = _shown(run.pose), Response.of(run)
         for i in range(6):
             grid[i % 3, i // 3].plot(
-                run.t, pose[:, i], color=color, linewidth=style.LINE, label=names[j]
+                run.t, pose[:, i], color=color, linewidth=style.LINE, label=style.plain(names[j])
             )
         for k, error in enumerate((response.error[:, :3], response.rotation)):
             size = np.maximum(np.linalg.norm(error, axis=1), ERROR_FLOOR[k])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from fullam.analysis.atlas.envelope import Envelope
 from fullam.exceptions import FullamError
@@ -29,6 +28,8 @@ def force_polytope(envelope: Envelope) -> tuple[Array, NDArray[np.intp]]:
     Raises:
         FullamError: Such forces do not fill a body: an axis is missing, or nothing can be held.
     """
+    from scipy.spatial import ConvexHull, HalfspaceIntersection
+
     facets, load = envelope.facets, envelope.load
     if facets.rank < 6 or not envelope.can_hover or envelope.margin.value <= 0.0:
         raise FullamError("the forces without moment fill no body: it cannot hold a push anywhere.")

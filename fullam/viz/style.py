@@ -54,8 +54,13 @@ def new_figure(width: float, height: float, title: str = "") -> Figure:
     layout = ConstrainedLayoutEngine(w_pad=0.04, h_pad=0.03, hspace=0.02, wspace=0.03)
     figure = Figure(figsize=(width, height), dpi=150, layout=layout)
     if title:
-        figure.suptitle(title, fontsize=TEXT + 1.0, x=0.01, ha="left")
+        figure.suptitle(title, fontsize=TEXT + 1.0, x=0.01, ha="left", parse_math=False)
     return figure
+
+
+def plain(text: str) -> str:
+    """A name as matplotlib's text: its dollar signs are no TeX."""
+    return text.replace("$", r"\$")
 
 
 def stack(figure: Figure, rows: int, columns: int = 1, **options: Any) -> NDArray[Any]:

@@ -271,7 +271,7 @@ def test_variants_change_rotor_numbers_masses_and_arms():
         ({"rotor_count": 6.5}, "design.rotor_count", "is 6.5"),
         ({"cant_deg": 90.0}, "design.cant_deg", "is 90"),
         ({"ring_radius": 0.0}, "design.ring_radius", "is 0"),
-        ({"ring_radius": float("nan")}, "design.ring_radius", "is nan"),
+        ({"ring_radius": float("nan")}, "design.ring_radius", "is NaN"),
         ({"platform_mass": -2.0}, "design.platform_mass", "is -2"),
         ({"platform_inertia": [0.01, 0.01, 0.03]}, "design.platform_inertia", "above the sum"),
         ({"platform_inertia": [0.01, 0.01]}, "design.platform_inertia", "is [0.01, 0.01]"),

@@ -55,8 +55,10 @@ def test_the_check_looks_at_principal_moments_not_at_the_diagonal():
     ("change", "field", "problem"),
     [
         ({"mass": "-1"}, "mass of link 'a'", "is -1 kg"),
-        ({"mass": "nan"}, "mass/value of link 'a'", "is nan"),
+        ({"mass": "nan"}, "mass/value of link 'a'", "is NaN"),
+        ({"mass": "heavy"}, "mass/value of link 'a'", "is 'heavy'"),
         ({"mass": "0"}, "link 'a'", "has no mass"),
+        ({"mass": "1e-12"}, "mass of link 'a'", "is 1e-12 kg"),
         ({"ixx": "-1"}, "inertia of link 'a'", "one of them negative"),
         ({"ixx": "0.5", "iyy": "0.5", "ixy": "0.51"}, "inertia of link 'a'", "negative"),
         ({"izz": "2.1"}, "inertia of link 'a'", "above the sum"),

@@ -27,10 +27,10 @@ def flown(tmp_path_factory):
             reproduce, "load_scenario", lambda name: replace(load_scenario(name), duration=1.2)
         )
         patch.setattr(recorded, "compare", lambda task, *_: (PUBLISHED[task.name], []))
-        result = reproduce.reproduce(folder, runs=2, engine="reference")
+        result = reproduce.reproduce(folder, runs=2, driver="fused")
         # What was flown is kept: a second call flies nothing and says the same.
         patch.setattr(reproduce.Campaign, "fly", None)
-        again = reproduce.reproduce(folder, runs=2, engine="reference")
+        again = reproduce.reproduce(folder, runs=2, driver="fused")
     # As text, because a difference without a single complete pair is NaN.
     assert repr(again.findings) == repr(result.findings)
     write_report(result, folder)

@@ -50,6 +50,23 @@ def test_sliders_move_arm_tilt_and_cant(explorer):
     assert "holds" in explorer._report.value
 
 
+def test_the_report_has_a_rose_and_the_scene_the_forces_on_request(explorer):
+    assert 'aria-label="hover tilt by azimuth"' in explorer._report.value
+
+    def drawn():
+        shapes = explorer._stage.spec()["vehicles"][0]["shapes"]
+        return [shape["vertices"] for shape in shapes if shape["path"].endswith("/forces")]
+
+    assert drawn() == []
+    explorer.forces.value = True
+    first = drawn()
+    explorer.sliders["joint_1"].value = -90.0
+    assert len(first) == 1
+    assert drawn() != first, "another arm pose, another body"
+    explorer.forces.value = False
+    assert drawn() == []
+
+
 def test_the_scene_follows_the_sliders(explorer):
     before = explorer.server._frame
     explorer.sliders["joint_2"].value = 30.0

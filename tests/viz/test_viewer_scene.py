@@ -1,5 +1,6 @@
 """Scenes and films say what the record says."""
 
+import base64
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import fullam
+from fullam.analysis.atlas.envelope import Envelope
 from fullam.dynamics.multibody import Multibody
 from fullam.exceptions import InvalidInput
 from fullam.model import meshes
@@ -208,3 +210,17 @@ def test_a_quadrotor_cannot_hold_a_tilt():
     # A hand holds it in the picture, so the arm is still at rest.
     force = tilted.snapshot().rotor_wrench + tilted.snapshot().disturbance
     np.testing.assert_allclose(force[:3], [0.0, 0.0, vehicle.mass * vehicle.gravity], atol=1e-6)
+
+
+def test_the_attainable_forces_are_drawn_on_request_in_the_scale_of_the_arrows():
+    vehicle = fullam.load_vehicle("fullam")
+    paths = [shape["path"] for shape in portrait(vehicle).scene["vehicles"][0]["shapes"]]
+    assert not any(path.endswith("/forces") for path in paths)
+    drawn = portrait(vehicle, forces=True).scene["vehicles"][0]["shapes"]
+    [body] = [shape for shape in drawn if shape["path"].endswith("/platform/forces")]
+    points = np.frombuffer(base64.b64decode(body["vertices"]), "<f4").reshape(-1, 3)
+    lift = Envelope.of(vehicle).thrust_to_weight
+    arrow = 1.25 * shapes.reach(vehicle)  # of the weight
+    assert points[:, 2].max() >= lift * arrow * (1.0 - 1e-6)
+    flat = portrait(fullam.load_vehicle("quadrotor_arm"), forces=True).scene["vehicles"][0]
+    assert not any(shape["path"].endswith("/forces") for shape in flat["shapes"])

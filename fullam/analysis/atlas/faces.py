@@ -75,75 +75,104 @@ def complement(generators, tolerance, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def row_lengths(vectors):  # type: ignore[no-untyped-def]
+    """Lengths of the rows, shape (n,)."""
+    found = np.empty(len(vectors))
+    for k in range(len(vectors)):
+        square = 0.0
+        for i in range(6):
+            square += vectors[k, i] * vectors[k, i]
+        found[k] = square**0.5
+    return found
+
+
+@kernel
+def all_planes(vectors):  # type: ignore[no-untyped-def]
+    """The planes of all pairs i < j, shape (n, n, 15)."""
+    total = len(vectors)
+    found = np.empty((total, total, 15))
+    for i in range(total):
+        for j in range(i + 1, total):
+            p = plane(vectors[i], vectors[j])
+            for m in range(15):
+                found[i, j, m] = p[m]
+    return found
+
+
+@kernel
+def support(vectors, lengths, forced, five, n):  # type: ignore[no-untyped-def]
+    """Half width along a unit normal, the generators that are flat on it as bits, their number."""
+    width, mask, members = 0.0, 0, 0
+    for g in range(forced, len(vectors)):
+        along = abs(
+            n[0] * vectors[g, 0] + n[1] * vectors[g, 1] + n[2] * vectors[g, 2]
+            + n[3] * vectors[g, 3] + n[4] * vectors[g, 4] + n[5] * vectors[g, 5]
+        )  # fmt: skip
+        width += along
+        chosen = g == five[0] or g == five[1] or g == five[2] or g == five[3] or g == five[4]
+        if chosen or along <= FLAT * lengths[g]:
+            mask |= 1 << (g - forced)
+            members += 1
+    return 0.5 * width, mask, members
+
+
+@kernel
+def is_known(masks, count, mask):  # type: ignore[no-untyped-def]
+    """Whether a mask is among the first `count`."""
+    known = False
+    for f in range(count):
+        known |= masks[f] == mask
+    return known
+
+
+@kernel
+def add_face(vectors, lengths, forced, five, n, faces, found):  # type: ignore[no-untyped-def]
+    """Write the face of five vectors with the normal n, unless it is known; returns the count."""
+    size = (
+        n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3] + n[4] * n[4] + n[5] * n[5]
+    ) ** 0.5
+    spanned = 1.0
+    for m in range(5):
+        spanned *= lengths[five[m]]
+    if not size > DEGENERATE * spanned:
+        return found
+    scale = 1.0 / size
+    unit = (n[0] * scale, n[1] * scale, n[2] * scale, n[3] * scale, n[4] * scale, n[5] * scale)
+    half, mask, members = support(vectors, lengths, forced, five, unit)
+    rows, halves, masks = faces
+    # With more generators than needed, others of its choices give the same face.
+    if members > 5 - forced and is_known(masks, found, mask):
+        return found
+    for m in range(6):
+        rows[found, m] = unit[m]
+    halves[found], masks[found] = half, mask
+    return found + 1
+
+
+@kernel
 def list_faces(vectors, forced, rows, halves, masks):  # type: ignore[no-untyped-def]
-    """Write every facet once into `rows` (m, 6), `halves` and `masks` (m,); returns their number.
+    """Write every face once into `rows` (m, 6), `halves` and `masks` (m,); returns their number.
 
     Args:
         vectors: Shape (forced + n, 6); the first `forced` belong to every choice of five.
         forced: How many.
         rows: Unit normals.
         halves: Half widths.
-        masks: Bit i tells that generator i lies in the facet.
+        masks: Bit i tells that generator i lies in the face.
     """
-    total = len(vectors)
-    lengths = np.empty(total)
-    for k in range(total):
-        square = 0.0
-        for i in range(6):
-            square += vectors[k, i] * vectors[k, i]
-        lengths[k] = square**0.5
-    planes = np.empty((total, total, 15))
-    for i in range(total):
-        for j in range(i + 1, total):
-            p = plane(vectors[i], vectors[j])
-            for m in range(15):
-                planes[i, j, m] = p[m]
-    needed = 5 - forced
+    total, faces = len(vectors), (rows, halves, masks)
+    lengths, planes = row_lengths(vectors), all_planes(vectors)
+    ends = np.full(5, total)
+    for m in range(forced):
+        ends[m] = m + 1
     found = 0
-    for i in range(0, 1 if forced > 0 else total):
-        for j in range(i + 1, 2 if forced > 1 else total):
-            if lengths[i] * lengths[j] == 0.0:
-                continue
-            for k in range(j + 1, 3 if forced > 2 else total):
+    for i in range(ends[0]):
+        for j in range(i + 1, ends[1]):
+            for k in range(j + 1, ends[2]):
                 t = volume(planes[i, j], vectors[k])
-                three = lengths[i] * lengths[j] * lengths[k]
-                if three == 0.0:
-                    continue
-                for m in range(k + 1, 4 if forced > 3 else total):
-                    four = three * lengths[m]
-                    for r in range(m + 1, 5 if forced > 4 else total):
+                for m in range(k + 1, ends[3]):
+                    for r in range(m + 1, ends[4]):
                         n = normal(planes[m, r], t)
-                        size = (
-                            n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
-                            + n[3] * n[3] + n[4] * n[4] + n[5] * n[5]
-                        ) ** 0.5  # fmt: skip
-                        if not size > DEGENERATE * four * lengths[r]:
-                            continue
-                        scale = 1.0 / size
-                        n0, n1, n2 = n[0] * scale, n[1] * scale, n[2] * scale
-                        n3, n4, n5 = n[3] * scale, n[4] * scale, n[5] * scale
-                        width, mask, members = 0.0, 0, 0
-                        for g in range(forced, total):
-                            along = abs(
-                                n0 * vectors[g, 0] + n1 * vectors[g, 1] + n2 * vectors[g, 2]
-                                + n3 * vectors[g, 3] + n4 * vectors[g, 4] + n5 * vectors[g, 5]
-                            )  # fmt: skip
-                            width += along
-                            chosen = g in (i, j, k, m, r)
-                            if chosen or along <= FLAT * lengths[g]:
-                                mask |= 1 << (g - forced)
-                                members += 1
-                        known = False
-                        if members > needed:  # others of its generators give the same facet
-                            for f in range(found):
-                                if masks[f] == mask:
-                                    known = True
-                                    break
-                        if known:
-                            continue
-                        rows[found, 0], rows[found, 1], rows[found, 2] = n0, n1, n2
-                        rows[found, 3], rows[found, 4], rows[found, 5] = n3, n4, n5
-                        halves[found] = 0.5 * width
-                        masks[found] = mask
-                        found += 1
+                        five = (i, j, k, m, r)
+                        found = add_face(vectors, lengths, forced, five, n, faces, found)
     return found

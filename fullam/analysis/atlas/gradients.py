@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from fullam.analysis.atlas.contacts import (
     Contact,
@@ -105,8 +105,6 @@ class Gradient:
 
     def along_arm(self, vehicle: Vehicle, theta: ArrayLike | None = None) -> Array:
         """Per joint angle, shape (n_arm,); without payload."""
-        import pinocchio as pin
-
         model, data, q = vehicle.model, vehicle.create_data(), vehicle.neutral(theta)
         frame = model.getFrameId(vehicle.tool)
         tool = pin.computeFrameJacobian(
@@ -274,6 +272,8 @@ def _best_of_worst(
     state: tuple[Array, NDArray[np.bool_]],
 ) -> float:
     """The most over u of the least over facets of lines . u + offsets, with B u = w."""
+    from scipy.optimize import linprog
+
     facets, (shares, free) = envelope.facets, state
     base = lines[:, ~free] @ shares[~free] + offsets
     scaled = facets.matrix[:, free] / facets.scale[:, None]

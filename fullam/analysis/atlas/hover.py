@@ -8,7 +8,6 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from fullam.analysis.atlas.facets import Facets
 from fullam.analysis.atlas.rays import attained
@@ -44,6 +43,8 @@ def least_effort(facets: Facets, wrench: Array) -> Array | None:
         if free.shape[1] == 0:
             break
         y = y + np.linalg.lstsq(free @ free.T, error, rcond=1e-8)[0]
+    from scipy.optimize import linprog
+
     bounds = list(zip(facets.least, top, strict=True))
     found = linprog(np.ones(len(top)), A_eq=B, b_eq=w, bounds=bounds)
     return np.array(found.x) if found.status == 0 else None
@@ -74,6 +75,8 @@ def least_total_thrust(facets: Facets, thrusts: Array, wrench: Array) -> float |
     lengths = np.linalg.norm(B, axis=0)
     working = np.flatnonzero(lengths > 0.0)
     if facets.rank < 6 or comb(len(working), 6) > FEW:
+        from scipy.optimize import linprog
+
         bounds = list(zip(facets.least, (lengths > 0.0).astype(float), strict=True))
         found = linprog(thrusts, A_eq=B, b_eq=w, bounds=bounds)
         return float(found.fun) if found.status == 0 else None

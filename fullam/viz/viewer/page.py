@@ -65,4 +65,5 @@ def _inline(script: str) -> str:
 
 
 def _json(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":")).replace("</", "<\\/")
+    """JSON inside a <script>: "<!--<script>" in a name must not open a comment there."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")

@@ -125,9 +125,16 @@ def _load(vehicle: Vehicle, pose: Array, arm: Array) -> tuple[Array, Array]:
     return np.array(wrench), pin.Quaternion(pose[3:]).toRotationMatrix()[2].copy()
 
 
-def stage(vehicle: Vehicle, details: str | None = None) -> Scene:
-    """A scene with one vehicle at rest, without a target."""
+def stage(vehicle: Vehicle, details: str | None = None, forces: Envelope | None = None) -> Scene:
+    """A scene with one vehicle at rest, without a target.
+
+    Args:
+        vehicle: The vehicle.
+        details: A line about it.
+        forces: Whose attainable forces are drawn about the platform; None for none.
+    """
     part = VehicleScene(vehicle, vehicle.name, ghost=False)
+    part.forces = forces
     text = (
         details or f"{vehicle.rotors.count} rotors, {vehicle.n_arm} joints, {vehicle.mass:.3g} kg"
     )
@@ -135,12 +142,20 @@ def stage(vehicle: Vehicle, details: str | None = None) -> Scene:
 
 
 def portrait(
-    vehicle: Vehicle, arm_deg: ArrayLike | None = None, euler_deg: ArrayLike = (0.0, 0.0, 0.0)
+    vehicle: Vehicle,
+    arm_deg: ArrayLike | None = None,
+    euler_deg: ArrayLike = (0.0, 0.0, 0.0),
+    forces: bool = False,
 ) -> Film:
     """A film of one frame: the vehicle at hover, its rotors at the speeds that hold it.
 
-    Arguments and errors as in `hover`.
+    Args:
+        vehicle: The vehicle.
+        arm_deg: As in `hover`.
+        euler_deg: As in `hover`.
+        forces: Draw the forces that it attains about the platform.
     """
-    scene = stage(vehicle)
-    frame = scene.frame(0.0, [hover(vehicle, arm_deg, euler_deg).snapshot()])
+    found = hover(vehicle, arm_deg, euler_deg)
+    scene = stage(vehicle, forces=found.envelope if forces else None)
+    frame = scene.frame(0.0, [found.snapshot()])
     return Film(scene.spec(clock=False), frame[None, :], 1.0)

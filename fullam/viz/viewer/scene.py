@@ -21,9 +21,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from fullam.analysis.atlas.envelope import Envelope
 from fullam.dynamics.multibody import Multibody
+from fullam.exceptions import FullamError
 from fullam.model.vehicle import Vehicle
 from fullam.viz import style
+from fullam.viz.polytope import force_polytope
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.shapes import ROOT
 
@@ -89,8 +92,11 @@ class VehicleScene:
         offset: Where it is drawn, away from where it flies, shape (3,) [m].
         ghost: Whether its target pose is drawn.
         colour: Of its name and its tool's trail.
+        forces: Whose attainable forces are drawn about the platform; None for none.
         width: Numbers it takes in a frame.
     """
+
+    forces: Envelope | None = None
 
     def __init__(
         self,
@@ -138,6 +144,8 @@ class VehicleScene:
             drawn += shapes.platform_shapes(
                 self.vehicle, f"{self._path}/target", colour=GHOST, opacity=0.22
             )
+        if self.forces is not None:
+            drawn += self._force_shapes(self.forces)
         return {
             "label": self.label,
             "path": self._path,
@@ -146,6 +154,16 @@ class VehicleScene:
             "shapes": drawn,
             "tracks": self.tracks,
         }
+
+    def _force_shapes(self, envelope: Envelope) -> list[shapes.Shape]:
+        """The forces that the rotors give without a moment, as a body in the scale of arrows."""
+        try:
+            points, triangles = force_polytope(envelope)
+        except FullamError:  # they fill no body
+            return []
+        path = f"{shapes.body_path(self._path, ROOT)}/forces"
+        body = shapes.mesh(self.force_scale * points, triangles)
+        return [{"path": path, **body, "colour": FORCE, "opacity": 0.12}]
 
     def _tracks(self) -> list[Track]:
         vehicle, path = self.vehicle, self._path
@@ -291,6 +309,8 @@ class Scene:
             (FORCE, f"rotors' force, {per_newton:.1f} cm/N"),
             (MOMENT, f"rotors' moment, {per_moment:.0f} cm/(N m)"),
         ]
+        if first.forces is not None:
+            legend.append((FORCE, "body: forces without moment that it attains"))
         if first.vehicle.n_arm:
             legend.append((JOINT_FORCE, f"force on the arm, {2 * per_newton:.1f} cm/N"))
             legend.append((JOINT_MOMENT, f"moment on the arm, {per_moment:.0f} cm/(N m)"))

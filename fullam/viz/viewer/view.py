@@ -67,6 +67,7 @@ def view(
     offset: float | Sequence[float] | None = None,
     labels: Sequence[str] | None = None,
     height: int = 480,
+    forces: bool = False,
 ) -> View:
     """Look at one record, at several side by side, or at a vehicle as it hovers.
 
@@ -78,13 +79,14 @@ def view(
         offset: How far apart they are drawn [m], to the right in the picture; or a vector [m].
         labels: Their names on the page; by default the controllers'.
         height: Of the cell [px].
+        forces: For a vehicle, draw the forces that it attains about the platform.
 
     Raises:
         InvalidInput: No record, one without a tick, not one label a record, or a vehicle among
             records.
     """
     if len(subjects) == 1 and isinstance(subjects[0], Vehicle):
-        return View(portrait(subjects[0]), height)
+        return View(portrait(subjects[0], forces=forces), height)
     runs = [run for run in subjects if not isinstance(run, Vehicle)]
     if len(runs) < len(subjects):
         raise InvalidInput("view", "subjects", "mix vehicles and records", "give one vehicle alone")

@@ -30,6 +30,7 @@ class Explorer:
         hover: How it holds still.
         sliders: By name: the arm's joints, "tilt about x", "tilt about y", and "cant" for a
             vehicle made from a design.
+        forces: Checkbox: draw the forces that can be attained about the platform.
         panel: The ipywidgets container.
         server: Serves the scene.
     """
@@ -44,13 +45,15 @@ class Explorer:
         self._base = self.vehicle
         self._cant = self.vehicle.definition.get("design", {}).get("cant_deg")
         self.sliders = self._sliders(ipywidgets)
+        self.forces = ipywidgets.Checkbox(value=False, description="attainable forces")
+        self.forces.observe(self.update, names="value")
         self._report = ipywidgets.HTML()
         self.server = ViewerServer()
         self._stage = stage(self.vehicle)
         self.server.show(self._stage.spec(clock=False))
         self.update()
         frame = f'<iframe src="{self.server.url}" width="100%" height="{height}" frameborder="0">'
-        controls = ipywidgets.VBox([*self.sliders.values(), self._report])
+        controls = ipywidgets.VBox([*self.sliders.values(), self.forces, self._report])
         controls.layout.width = "340px"
         scene = ipywidgets.HTML(f"{frame}</iframe>")
         scene.layout.width = "100%"
@@ -90,6 +93,11 @@ class Explorer:
         arm = [values[name] for name in self.vehicle.arm_joints]
         euler = [values["tilt about x"], values["tilt about y"], 0.0]
         self.hover = hover(self.vehicle, arm, euler)
+        shown = self._stage.vehicles[0].forces is not None
+        if self.forces.value or shown:  # the body is not the same in another arm pose
+            wanted = self.hover.envelope if self.forces.value else None
+            self._stage = stage(self.vehicle, forces=wanted)
+            self.server.show(self._stage.spec(clock=False, keep_camera=True))
         self.server.push(self._stage.frame(0.0, [self.hover.snapshot()]))
         self._report.value = report(self.hover)
         return self.hover

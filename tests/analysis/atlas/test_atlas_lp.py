@@ -14,9 +14,10 @@ import pytest
 from scipy.optimize import linprog
 
 from fullam.analysis.atlas.facets import facets_of
-from fullam.analysis.atlas.loads import Load
+from fullam.analysis.atlas.loads import Load, load_of
 from fullam.analysis.atlas.rays import margin, multiples, reach
 from fullam.analysis.atlas.tilt import attitude_bounds, tilt_intervals, tilt_rose, worst_tilt
+from fullam.model.loading import load_vehicle
 from fullam.model.rotors import Rotors
 from fullam.model.wrench_axes import full_scale
 
@@ -210,3 +211,22 @@ def brute_margin(rotors: Rotors, wrench: np.ndarray, weights: np.ndarray) -> flo
         return 0.0
     normals = turns[solid, :, 5]
     return float((0.5 * np.abs(normals @ generators).sum(axis=1) - np.abs(normals @ offset)).min())
+
+
+def test_a_lost_facet_is_noticed() -> None:
+    """The tests above can fail: without one of its facets, a vehicle leans where it cannot."""
+    vehicle = load_vehicle("hextilt")
+    load, facets, scale = load_of(vehicle), facets_of(vehicle.rotors), full_scale(vehicle.rotors)
+    worst = worst_tilt(attitude_bounds(facets, load))
+    assert worst is not None
+    lost = worst[2] % len(facets.normals)
+    fewer = replace(
+        facets,
+        normals=np.delete(facets.normals, lost, axis=0),
+        half_widths=np.delete(facets.half_widths, lost),
+    )
+    azimuth = worst[1]
+    tilt = float(tilt_rose(attitude_bounds(fewer, load), [azimuth])[0][0])
+    assert tilt > worst[0] + 0.01
+    up = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    assert program(vehicle.rotors, 0.999 * load.wrench(up), np.zeros(6), scale) is None

@@ -1,0 +1,133 @@
+"""A governor of the target attitude: what the rotors cannot hold is not insisted on.
+
+A vehicle whose rotors meet their bounds keeps its moment and gives up force. Tilted, with thrust
+coefficients that are not the nominal ones, it may do so for seconds: the position runs off, the law
+asks for ever more force in its direction, all rotors go to a bound, and what each of them gives too
+much or too little turns the vehicle further. Level, it has the most force to spare. So the tilt of
+the target is taken back while force is short. With
+
+    s = |missing force| / weight    (0 where bounds cost nothing),
+    m, the running mean of s over `memory`,
+    dg/dt = (m - tolerated) / patience, not faster back than 1 / recovery,    0 <= g <= 1,
+
+the target's tilt theta (between its z and the world's) becomes (1 - g) theta, about the same
+horizontal axis. What is missing is measured against the exact bounds of the coupling matrix, by the
+allocation itself, so nothing has to be assumed about the vehicle. A flight whose force is never
+short for long is not touched, to the last bit. The governor stands before the law and knows none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fullam.checks import Checker, Range
+from fullam.control.signals import Target
+from fullam.dynamics.so3 import compose, exponential, rotation_matrix
+from fullam.dynamics.spatial import Pose
+from fullam.exceptions import SettingsError
+from fullam.numbers.elementary import arctan2
+from fullam.numbers.kernel import Number, clip, kernel, maximum, select, some, sqrt
+from fullam.numbers.records import Rows
+from fullam.numbers.vectors import dot
+
+LEVEL = 1e-18
+"""Squared sine of the tilt below which an attitude is level."""
+
+
+@dataclass(frozen=True)
+class Governor:
+    """Settings of the governor; see the module's first lines.
+
+    Attributes:
+        memory: Time constant of the mean shortage [s].
+        tolerated: Mean shortage that nothing is done about, as a share of the weight.
+        patience: At a mean shortage of one weight above it, the tilt is gone after this time [s].
+        recovery: Without a shortage, it is back after this time [s].
+    """
+
+    memory: float = 0.1
+    tolerated: float = 0.05
+    patience: float = 0.03
+    recovery: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check = Checker("governor", SettingsError)
+        for field in fields(self):
+            value = check.number(field.name, getattr(self, field.name), Range(1e-6, 1e6))
+            object.__setattr__(self, field.name, value)
+
+    def numbers(self, weight: float, period: float) -> Rows:
+        """One row of numbers for a vehicle of that weight [N] and a control period [s]."""
+        renewal = 1.0 - float(np.exp(-period / self.memory))
+        rates = [period / self.patience, period / self.recovery]
+        return Rows(GovernorNumbers, [[weight, renewal, self.tolerated, *rates]])
+
+
+class GovernorNumbers(NamedTuple):
+    """Weight [N]; share of the mean renewed in a period; tolerated mean; rates times the period."""
+
+    weight: Number
+    renewal: Number
+    tolerated: Number
+    urgency: Number
+    relief: Number
+
+
+class GovernorMemory(NamedTuple):
+    """Mean shortage of force, in weights, and share of the tilt that is given up."""
+
+    shortage: Number
+    given_up: Number
+
+
+class GovernView(NamedTuple):
+    """What `govern` and `hand_on` are shown: rows; `delivery` is that of the period before."""
+
+    numbers: Any
+    targets: Any
+    delivery: Any
+    memory: Any
+    target: Any
+
+
+@kernel
+def levelled(attitude, share):
+    """An attitude with a share of its tilt taken back, about the same horizontal axis."""
+    R = rotation_matrix(attitude)
+    x, y = R[2], R[5]  # of its z axis
+    square = x * x + y * y
+    tilted = square > LEVEL
+    sine = sqrt(select(tilted, square, 1.0))
+    turn = select(tilted, share * arctan2(sine, R[8]) / sine, 0.0)
+    return compose(exponential((turn * y, -turn * x, 0.0)), attitude)
+
+
+@kernel
+def govern(view, k):
+    """Hand the target on, its tilt taken back while force is short."""
+    n, memory, delivery = view.numbers[0], view.memory[0], view.delivery[0]
+    missing = delivery.missing.linear
+    size = sqrt(dot(missing, missing)) / n.weight
+    now = select(delivery.saturated > 0.0, size, 0.0)
+    shortage = memory.shortage + n.renewal * (now - memory.shortage)
+    change = maximum(n.urgency * (shortage - n.tolerated), -n.relief)
+    given_up = clip(memory.given_up + change, 0.0, 1.0)
+    view.memory[0] = GovernorMemory(shortage, given_up)
+    target = view.targets[k]
+    view.target[0] = target
+    governed = given_up > 0.0
+    if some(governed):
+        attitude = target.pose.attitude
+        attitude = select(governed, levelled(attitude, given_up), attitude)
+        pose = Pose(target.pose.position, attitude)
+        view.target[0] = Target(pose, target.velocity, target.acceleration)
+
+
+@kernel
+def hand_on(view, k):
+    """Hand the target on as it is: no governor."""
+    view.target[0] = view.targets[k]

@@ -1,0 +1,135 @@
+"""Calls of the Python API with one argument that does not belong there."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fullam.analysis.agreement import agreement
+from fullam.analysis.campaign import Campaign
+from fullam.analysis.contender import Contender
+from fullam.exceptions import FullamError
+from fullam.model import wrench_axes
+from fullam.model.chain import LinkChain, release_joint, released_model
+from fullam.model.design import design_vehicle
+from fullam.model.loading import load_vehicle, vehicle_path
+from fullam.model.perturbation import Uncertainty, perturb
+from fullam.model.rotors import Rotors
+from fullam.model.vehicle import Vehicle
+from fullam.simulation.arm_motion import HoldArm, SineRate
+from fullam.simulation.references import Circle, Step, Waypoints
+from fullam.simulation.run import Run
+from fullam.simulation.scenario import Scenario, load_scenario, register_scenario
+from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.weather import Weather, weather
+
+WRONG: tuple[Any, ...] = (
+    *(None, True, 3, -1, 10**400, 0.5, float("nan"), float("-inf"), 1j, "", "x", "a\0b", b"x"),
+    *([], [None], ["x"], [1, 2], [[1, 2], [3]], (), {}, {"a": 1}, {1: 2}, set(), object(), print),
+    *(
+        object,
+        np.zeros(0),
+        np.zeros((2, 2)),
+        np.array(["x"]),
+        np.array([np.nan] * 3),
+        np.float64(2),
+    ),
+    *(np.array(3), np.array([1j, 2, 3]), np.ma.masked, Path("x"), slice(3), Exception("x"), ...),
+)
+"""What a slip of the fingers, or a column of a data frame, may put there."""
+
+
+def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
+    """Functions and classes with arguments that are right."""
+    vehicle, rng = load_vehicle("fullam"), np.random.default_rng(0)
+    rotors = vehicle.rotors
+    columns = {f: getattr(rotors, f) for f in ("names", "positions", "axes", "spins")}
+    columns |= {f: getattr(rotors, f) for f in ("k_f", "k_tau", "max_speeds", "lags", "where")}
+    paper = weather("paper")
+    scenario = load_scenario("task-2")
+    design = {"rotor_count": 6, "cant_deg": 30.0, "platform_mass": 2.0, "k_f": 1e-5}
+    return [
+        (load_vehicle, {"name_or_path": "fullam"}),
+        (vehicle_path, {"name_or_path": "fullam"}),
+        (design_vehicle, {"base": "fullam", "name": "six", **design}),
+        (Vehicle.from_definition, {"definition": vehicle.definition, "urdf_text": vehicle.urdf}),
+        (Vehicle.from_data, {"data": vehicle.to_data()}),
+        (vehicle.neutral, {"theta": [0.0] * 4}),
+        (vehicle.actuation_rank, {"axes": (True,) * 6}),
+        (vehicle.require_full_actuation, {"axes": [2, 3]}),
+        (Rotors, columns),
+        (rotors.wrench, {"speeds": np.zeros(rotors.count)}),
+        (Uncertainty, {"share": 0.1, "parameters": ("k_f",)}),
+        (Uncertainty.from_dict, {"data": paper.uncertainty.to_dict()}),
+        (
+            perturb,
+            {"vehicle": vehicle, "uncertainty": Uncertainty(), "rng": rng},
+        ),
+        (LinkChain.from_model, {"model": vehicle.model, "tool": vehicle.tool}),
+        (LinkChain.from_vehicle, {"vehicle": vehicle, "released": None}),
+        (LinkChain.stack, {"chains": [LinkChain.from_vehicle(vehicle)] * 2}),
+        (release_joint, {"urdf": vehicle.urdf, "joint": "tool_joint"}),
+        (released_model, {"vehicle": vehicle, "joint": "tool_joint"}),
+        (wrench_axes.rank_on, {"rotors": rotors, "axes": None}),
+        (wrench_axes.controllable_axes, {"rotors": rotors}),
+        (Step, {"position": (0, 0, 1), "euler_deg": (0, 0, 0), "at": 1.0}),
+        (Waypoints, {"times": (0.0,), "positions": ((0, 0, 1),), "euler_deg": ((0, 0, 0),)}),
+        (Circle, {"center": (0, 0, 1), "radius": 1.0, "period": 6.0, "euler_deg": (0, 0, 0)}),
+        (SineRate, {"joint": 3, "rate": 0.5, "frequency": 1.0}),
+        (Scenario, {f: getattr(scenario, f) for f in Scenario.__dataclass_fields__}),
+        (Scenario.from_dict, {"data": scenario.to_dict()}),
+        (load_scenario, {"name_or_path": "task-1"}),
+        (register_scenario, {"scenario": scenario}),
+        (Weather, {f: getattr(paper, f) for f in Weather.__dataclass_fields__}),
+        (Weather.from_dict, {"data": paper.to_dict()}),
+        (weather, {"name": "paper"}),
+        (SimulationSettings, SimulationSettings().to_dict()),
+        (SimulationSettings.from_dict, {"data": SimulationSettings().to_dict()}),
+        (SimulationSettings().check_length, {"duration": 6.0}),
+        (Run.load, {"path": "run.npz"}),
+        (agreement, {"vehicle": vehicle, "samples": 6, "seed": 0}),
+        (Contender, {"controller": "pid", "settings": {}, "estimator": "truth", "label": "x"}),
+        (Contender.parse, {"text": "pid@truth"}),
+        (
+            Campaign,
+            {
+                "scenarios": (Scenario("brief", duration=0.1, arm_motion=HoldArm()),),
+                "contenders": ("pid",),
+                "seeds": (0,),
+                "weather": None,
+                "simulation": SimulationSettings(),
+                "driver": "python",
+                "traces": False,
+            },
+        ),
+    ]
+
+
+def failures() -> tuple[int, list[str]]:
+    """Number of calls, and those that ended in an error that is none of ours."""
+    count, found = 0, []
+    for function, right in calls():
+        for name in right:
+            for wrong in WRONG:
+                count += 1
+                try:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore")
+                        function(**right | {name: wrong})
+                except FullamError as error:
+                    if not str(error).strip():
+                        found.append(f"{function.__qualname__}({name}={wrong!r}): no message")
+                except Exception as error:  # noqa: BLE001 - which is what is looked for
+                    text = f"{type(error).__name__}: {error}"[:90].replace("\n", " ")
+                    found.append(f"{function.__qualname__}({name}={str(wrong)[:30]}): {text}")
+    return count, found
+
+
+if __name__ == "__main__":
+    calls_made, bad = failures()
+    print("\n".join(bad))  # noqa: T201
+    print(f"{calls_made} calls, {len(bad)} with an error of another's")  # noqa: T201

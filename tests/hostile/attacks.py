@@ -1,0 +1,440 @@
+"""Five attacks: vehicles, scenarios, run files, stores and command lines that are wrong on purpose.
+
+Each has a strategy, which makes a case, and a function that lets the case happen. What is allowed
+is an answer, or an error of ours that names a remedy, soon. A traceback of anything else, a hang,
+or a difference that nobody is told of is a failure.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import functools
+import io
+import json
+import re
+import shutil
+import signal
+import tempfile
+import tomllib
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from hypothesis import strategies as st
+from values import damaged, document, json_values, toml_values, torn
+
+import fullam
+from fullam.cli import main
+from fullam.exceptions import FullamError
+from fullam.model.loading import load_vehicle, vehicle_path
+from fullam.simulation.run import Run
+from fullam.simulation.scenario import Scenario, load_scenario
+
+PATIENCE = 10
+"""What takes longer hangs [s]."""
+
+
+class Hang(BaseException):
+    """Nobody may catch it by accident."""
+
+
+@contextlib.contextmanager
+def patience(seconds: int = PATIENCE) -> Iterator[None]:
+    """Ends what takes too long."""
+
+    def ring(*_: object) -> None:
+        raise Hang(f"no answer after {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def answered(call: Callable[[], Any]) -> Any:
+    """The result, which is something, or None where it was refused as it should be."""
+    with patience(), warnings.catch_warnings():
+        # An overflow on the way is a number beyond sense that got too far.
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            return call()
+        except FullamError as error:
+            assert str(error).endswith("."), f"no sentence: {error}"
+            assert len(str(error)) < 20_000
+            return None
+
+
+@functools.cache
+def folder() -> Path:
+    """A folder for this process."""
+    return Path(tempfile.mkdtemp(prefix="hostile-"))
+
+
+# --- vehicles ---------------------------------------------------------------------------------
+
+WHOLE_URDF = vehicle_path("fullam").with_suffix(".urdf").read_text(encoding="utf-8")
+WHOLE_VEHICLE = tomllib.loads(vehicle_path("fullam").read_text(encoding="utf-8")) | {
+    "urdf": "v.urdf",
+    "gravity": 9.81,
+}
+# The declared mass is checked against the URDF's, which would hide every other damage to masses.
+del WHOLE_VEHICLE["mass"], WHOLE_VEHICLE["design"]
+ATTRIBUTES = [found.span(1) for found in re.finditer(r'="([^"]*)"', WHOLE_URDF)]
+ELEMENTS = [found.span() for found in re.finditer(r"<(\w+)[^<>]*/>", WHOLE_URDF)]
+NUMERALS = ("nan", "inf", "0", "-1", "1e100", "1e150", "1e308", "1e-300", "", "x", "1 2", "0 0 0")
+
+
+@st.composite
+def urdfs(draw: st.DrawFn) -> bytes:
+    """A URDF with an attribute rewritten, an element removed or doubled, or bytes damaged."""
+    kind = draw(st.sampled_from((*["attribute"] * 7, "remove", "double", "bytes")))
+    if kind == "bytes":
+        return draw(torn(WHOLE_URDF.encode()))
+    start, end = draw(st.sampled_from(ATTRIBUTES if kind == "attribute" else ELEMENTS))
+    old = WHOLE_URDF[start:end]
+    if kind == "attribute":
+        words = old.split()
+        if draw(st.booleans()) and len(words) > 1:
+            words[draw(st.integers(0, len(words) - 1))] = draw(st.sampled_from(NUMERALS))
+            new = " ".join(words)
+        else:
+            new = draw(st.sampled_from((*NUMERALS, "platform", "\x1b[31m", "a" * 10_000)))
+    else:
+        new = "" if kind == "remove" else 2 * old
+    return (WHOLE_URDF[:start] + new + WHOLE_URDF[end:]).encode()
+
+
+def mostly(usual: st.SearchStrategy[Any], rare: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """The one four times as often as the other: torn files end at the parser, most of them."""
+    return st.integers(0, 4).flatmap(lambda k: rare if k == 4 else usual)
+
+
+GOOD_VEHICLE, GOOD_URDF = document(WHOLE_VEHICLE).encode(), WHOLE_URDF.encode()
+
+vehicles = mostly(
+    st.one_of(
+        st.tuples(
+            damaged(WHOLE_VEHICLE, toml_values).map(lambda t: document(t).encode()),
+            st.just(GOOD_URDF),
+        ),
+        st.tuples(st.just(GOOD_VEHICLE), urdfs()),
+    ),
+    st.tuples(torn(GOOD_VEHICLE), st.just(GOOD_URDF)),
+)
+
+
+def attack_vehicle(case: tuple[bytes, bytes]) -> None:
+    """A vehicle that is accepted has finite dynamics."""
+    path = folder() / "v.toml"
+    path.write_bytes(case[0])
+    path.with_suffix(".urdf").write_bytes(case[1])
+
+    def load() -> bool:
+        vehicle = load_vehicle(path)
+        q, v = vehicle.neutral(), np.ones(vehicle.model.nv)
+        data = vehicle.create_data()
+        assert np.isfinite(pin.rnea(vehicle.model, data, q, v, v)).all()
+        inertia = pin.crba(vehicle.model, data, q)
+        assert np.linalg.eigvalsh(np.triu(inertia) + np.triu(inertia, 1).T)[0] > 0.0
+        assert np.isfinite(vehicle.rotors.normalized_coupling).all()
+        assert 0.0 < vehicle.gravity < 1e3
+        return vehicle.actuation_rank() <= 6
+
+    assert answered(load) is not False
+
+
+# --- scenarios --------------------------------------------------------------------------------
+
+WHOLE_SCENARIOS = (
+    json.loads(json.dumps(load_scenario("task-2").to_dict())),
+    json.loads(
+        json.dumps(
+            Scenario(
+                "points",
+                reference=fullam.Waypoints((0.0, 1.0), ((0, 0, 1), (1, 0, 1)), ((0, 0, 0),) * 2),
+            ).to_dict()
+        )
+    ),
+    json.loads(json.dumps(Scenario("round", reference=fullam.Circle((0, 0, 1))).to_dict())),
+)
+
+scenarios = st.sampled_from(WHOLE_SCENARIOS).flatmap(
+    lambda whole: mostly(
+        damaged(whole, toml_values).map(lambda t: document(t).encode()),
+        torn(document(whole).encode()),
+    )
+)
+
+
+def attack_scenario(case: bytes) -> None:
+    """A scenario that is accepted can be flown, for five ticks."""
+    path = folder() / "s.toml"
+    path.write_bytes(case)
+
+    def fly() -> bool:
+        scenario = load_scenario(path)
+        assert Scenario.from_dict(json.loads(json.dumps(scenario.to_dict()))) == scenario
+        short = replace(scenario, duration=min(scenario.duration, 0.05))
+        run = fullam.simulate(short, "pid", throw=False)
+        return len(run) <= 6
+
+    assert answered(fly) is not False
+
+
+# --- run files --------------------------------------------------------------------------------
+
+
+@functools.cache
+def whole_run() -> Run:
+    """A short flight with noise and gusts."""
+    return fullam.simulate(Scenario("brief", duration=0.3), seed=1)
+
+
+@functools.cache
+def whole_run_bytes() -> bytes:
+    """Its file."""
+    return whole_run().save(folder() / "whole.npz").read_bytes()
+
+
+def packed(columns: dict[str, Any], metadata: Any) -> bytes:
+    """A run file of any arrays."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in {"metadata": np.array(json.dumps(metadata)), **columns}.items():
+            entry = io.BytesIO()
+            np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=True)
+            archive.writestr(f"{name}.npy", entry.getvalue())
+    return buffer.getvalue()
+
+
+@st.composite
+def strange_columns(draw: st.DrawFn) -> bytes:
+    """A run file with one to three columns of another type, shape or content."""
+    columns: dict[str, Any] = dict(whole_run().columns)
+    for _ in range(draw(st.integers(1, 3))):
+        name = draw(st.sampled_from(sorted(columns)))
+        old = np.asarray(columns[name])
+        match draw(st.sampled_from(("type", "shape", "rows", "value", "remove", "add"))):
+            case "type":
+                kind = draw(st.sampled_from(("f4", "i8", "c16", "U5", "S3", "?", "O", "M8[s]")))
+                with contextlib.suppress(ValueError, TypeError), warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    columns[name] = old.astype(kind)
+            case "shape":
+                columns[name] = draw(
+                    st.sampled_from((old.T, old[None], old.ravel(), old[..., None], old[:, ...]))
+                )
+            case "rows":
+                columns[name] = old[: draw(st.integers(0, len(old)))] if old.ndim else old
+            case "value":
+                new = np.array(old)
+                if new.size and new.dtype.kind == "f":
+                    at = draw(st.integers(0, new.size - 1))
+                    new.flat[at] = draw(st.floats())
+                columns[name] = new
+            case "remove":
+                del columns[name]
+            case "add":
+                columns[draw(st.sampled_from(("x", "a/b", "../up")))] = old
+    return packed(columns, whole_run().metadata)
+
+
+runs = st.deferred(
+    lambda: mostly(
+        st.one_of(
+            strange_columns(),
+            damaged(copy.deepcopy(whole_run().metadata), json_values).map(
+                lambda m: packed(whole_run().columns, m)
+            ),
+        ),
+        torn(whole_run_bytes()),
+    )
+)
+
+
+def attack_run(case: bytes) -> None:
+    """A run that is accepted can be measured, and damaged bytes give the same numbers or none."""
+    path = folder() / "r.npz"
+    path.write_bytes(case)
+
+    def load() -> bool:
+        run = Run.load(path)
+        assert str(run)
+        return fullam.measure(run).diverged == run.diverged
+
+    assert answered(load) is not False
+
+
+# --- stores -----------------------------------------------------------------------------------
+
+
+@functools.cache
+def whole_store() -> tuple[Any, Any, bytes]:
+    """A small campaign, its table and its file."""
+    from fullam.analysis.campaign import Campaign, sweep
+
+    campaign = Campaign((Scenario("brief", duration=0.1),), ("pid",), (0, 1, 2), traces=True)
+    path = folder() / "whole.parquet"
+    table = sweep(campaign, path)
+    return campaign, table, path.read_bytes()
+
+
+@st.composite
+def rewritten_stores(draw: st.DrawFn) -> bytes:
+    """A Parquet file with columns dropped, renamed, retyped, emptied or doubled; or restamped."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    _, table, _ = whole_store()
+    rows, identity = table.rows, copy.deepcopy(table.identity)
+    stamp: dict[bytes, bytes] = dict(rows.schema.metadata)
+    for _ in range(draw(st.integers(1, 2))):
+        at = draw(st.integers(0, rows.num_columns - 1))
+        name = rows.schema.names[at]
+        match draw(
+            st.sampled_from(("drop", "rename", "retype", "empty", "double", "stamp", "raw"))
+        ):
+            case "drop":
+                rows = rows.drop_columns([name])
+            case "rename":
+                rows = rows.rename_columns([f"{n}x" if n == name else n for n in rows.schema.names])
+            case "retype":
+                texts = pa.array([str(v) for v in rows.column(at).to_pylist()])
+                rows = rows.set_column(at, name, texts)
+            case "empty":
+                kind = rows.schema.field(at).type
+                rows = rows.set_column(at, name, pa.nulls(rows.num_rows, kind))
+            case "double":
+                rows = rows.append_column(name, rows.column(at))
+            case "stamp":
+                changed = draw(damaged(identity, json_values))
+                stamp[b"fullam"] = json.dumps(changed).encode()
+            case "raw":
+                stamp[b"fullam"] = draw(st.one_of(st.binary(max_size=50), st.just(b"[" * 5000)))
+    buffer = io.BytesIO()
+    pq.write_table(rows.replace_schema_metadata(stamp), buffer)
+    return buffer.getvalue()
+
+
+stores = st.deferred(lambda: st.one_of(torn(whole_store()[2]), rewritten_stores()))
+
+
+def attack_store(case: bytes) -> None:
+    """A store that is accepted says exactly what was written."""
+    from fullam.analysis.campaign_store import CampaignStore
+    from fullam.analysis.campaign_table import read_campaign
+
+    campaign, whole, _ = whole_store()
+    path = folder() / "p.parquet"
+    path.write_bytes(case)
+    table = answered(lambda: read_campaign(path))
+    if table is not None:
+        assert table.rows.equals(whole.rows), "a difference that nobody is told of"
+        assert table.identity == whole.identity
+    answered(lambda: CampaignStore(path, campaign.identity(), False).keys)
+    parts = folder() / "q.parquet.parts"
+    parts.mkdir(exist_ok=True)
+    (parts / "part-0.parquet").write_bytes(case)
+    answered(lambda: CampaignStore(folder() / "q.parquet", campaign.identity(), False).keys)
+
+
+# --- command lines ----------------------------------------------------------------------------
+
+WORDS = (
+    *("0", "-1", "1", "1e308", "1e-300", "nan", "inf", "70000", "1000000000000", "9" * 400, ""),
+    *("9" * 5000, "x", "dc-pid", "pid", "calm", "paper", "kalman", "truth", "fastest", "a,b", ","),
+    *("position_gains=[1,2,3]", "compensation=x", "position_gains=" + "[" * 2000, "=", "a\0b"),
+    *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
+)
+OPTIONS = {
+    "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
+            "--estimator --figure --driver --calm --json"),
+    "compare": "--controllers --seed --weather --vehicle --control-rate --figure --calm --json",
+    "check": "--seed --json --samples",
+    "list": "--json",
+    "equations": "--json",
+    "plot": "--what --out",
+    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --calm",
+    "sweep": ("--controllers --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
+              "--tls-ca --driver --json"),
+    "tune": "--budget --seed --jobs --driver",
+    "": "--version --help --nonsense",
+}  # fmt: skip
+WITHOUT_VALUE = {"--calm", "--json", "--tuned", "--no-gusts", "--overwrite", "--version", "--help"}
+EXPENSIVE = {("--runs", "1"): "1", ("--jobs", "1"): "1"}
+
+
+@st.composite
+def command_lines(draw: st.DrawFn) -> list[str]:
+    """A verb with arguments that it knows and values that it may not."""
+    verb = draw(st.sampled_from(sorted(OPTIONS)))
+    line = [verb] if verb else []
+    if verb in ("run", "compare", "sweep", "view", "check", "plot", "equations"):
+        good = {"check": "quadrotor_arm", "plot": "r.npz", "equations": "12"}.get(verb, "good.toml")
+        line.append(draw(st.one_of(st.just(good), st.sampled_from(WORDS))))
+    elif verb == "tune":
+        line.append(draw(st.sampled_from(WORDS)))
+        line += ["--budget", "1"]  # an honest one would fly for minutes
+    for option in draw(st.lists(st.sampled_from(OPTIONS[verb].split()), max_size=3)):
+        line.append(option)
+        if option not in WITHOUT_VALUE:
+            line.append(draw(st.sampled_from(WORDS)))
+    if verb == "sweep":
+        line += ["--out", str(folder() / "c" / "sweep.parquet"), "--runs", "1"]
+    if verb == "view":
+        line += ["--html", str(folder() / "c" / "view.html")]
+    if verb == "check":
+        line += ["--samples", "3"] if "--samples" not in line else []
+    return line
+
+
+def attack_command(case: list[str]) -> None:
+    """Every command ends with 0, 1 or 2 and, if not well, one complaint in words."""
+    work = folder() / "c"
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir()
+    good = document({"name": "good", "duration": 0.05})
+    (work / "good.toml").write_text(good, encoding="utf-8")
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        contextlib.chdir(work),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        patience(),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore")
+        code = main(case)
+    assert code in (0, 1, 2), code
+    assert "Traceback" not in err.getvalue()
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", out.getvalue() + err.getvalue())
+    assert code != 2 or err.getvalue().strip()
+    if "--json" in case and code == 0:
+        json.loads(out.getvalue())
+
+
+@dataclass(frozen=True)
+class Attack:
+    """A strategy and what is done with its cases."""
+
+    name: str
+    cases: st.SearchStrategy[Any]
+    happen: Callable[[Any], None]
+
+
+ATTACKS = (
+    Attack("vehicle", vehicles, attack_vehicle),
+    Attack("scenario", scenarios, attack_scenario),
+    Attack("run", runs, attack_run),
+    Attack("store", stores, attack_store),
+    Attack("command", command_lines(), attack_command),
+)

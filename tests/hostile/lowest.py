@@ -1,0 +1,66 @@
+"""The lowest declared version of every dependency: install them, and fly, tune and sweep with them.
+
+    python tests/hostile/lowest.py [--keep FOLDER]
+
+A bound that was never tried is a guess. Exit code 1 if pip finds no such versions, or the tests of
+what stands at the edge to other packages fail with them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+EXTRAS = ("campaign", "notebook", "xacro", "test")
+TESTS = (
+    *("tests/test_bad_files.py", "tests/test_files.py", "tests/hostile/test_fuzz.py"),
+    *("tests/analysis/test_campaign.py", "tests/analysis/test_cluster.py", "tests/model"),
+    *("tests/analysis/test_tuning.py", "tests/simulation/test_run.py", "tests/dynamics"),
+    *("tests/viz/test_figures.py", "tests/control/test_allocation.py"),
+)
+NOT_INSTALLED = ("ruff", "mypy")
+"""They check, and bring nothing that runs."""
+
+
+def lowest() -> list[str]:
+    """Each bound of pyproject.toml as "name==version"."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = list(project["dependencies"])
+    for extra in EXTRAS:
+        wanted += project["optional-dependencies"][extra]
+    found = (re.match(r"([\w.-]+)>=([\d.]+)", entry) for entry in wanted)
+    pairs = {m[1]: m[2] for m in found if m and m[1] not in NOT_INSTALLED}
+    return [f"{name}=={version}" for name, version in pairs.items()]
+
+
+def main() -> int:
+    """Install and test."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--keep", type=Path, help="make the environment there and leave it")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.keep or Path(temporary)
+        if not (folder / "bin" / "python").exists():
+            venv.create(folder, with_pip=True)
+        python = str(folder / "bin" / "python")
+        install = [python, "-m", "pip", "install", "--quiet", *lowest()]
+        if code := subprocess.run(install).returncode:
+            return code
+        own = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--editable", str(ROOT)]
+        if code := subprocess.run(own).returncode:
+            return code
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        tests = [python, "-m", "pytest", "-q", *TESTS]
+        return subprocess.run(tests, cwd=ROOT, env=environment).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
