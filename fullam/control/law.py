@@ -127,9 +127,9 @@ class KernelLaw(Controller):
         """Wrench wanted from the rotors, world axes, shape (6,); see `Controller.wrench`."""
         chain = self.chain(motions_of(measurement))
         command = self.command(chain, estimate_of(measurement), target_of(reference))
-        self.u_pid[:] = [*flat(command.u_pid)]
-        self.u_dc[:] = [*flat(command.u_dc)]
-        return np.array([*flat(command.wrench)])
+        self.u_pid[:] = flat(command.u_pid)
+        self.u_dc[:] = flat(command.u_dc)
+        return np.array(flat(command.wrench))
 
     def delivered(self, wrench_W: Array, missing_W: Array) -> None:
         """Learn what the allocation achieved; see `Controller.delivered`."""

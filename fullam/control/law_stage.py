@@ -57,16 +57,16 @@ class LawStage:
             assert isinstance(self._law, KernelLaw)
             self._law.inform(delivery)
         else:
-            self._law.delivered(*(np.array([*flat(part)]) for part in delivery[:2]))
+            self._law.delivered(*(np.array(flat(part)) for part in delivery[:2]))
 
     def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
         """Estimate, target and motion of the arm as the arrays of a `Controller`."""
         m, reference = self._measurement, self._reference
         R = rotation_matrix(estimate.pose.attitude)
-        m.q[:7] = [*flat(estimate.pose)]
-        m.v[:6] = [*flat(rotate_spatial_back(R, estimate.velocity))]
+        m.q[:7] = flat(estimate.pose)
+        m.v[:6] = flat(rotate_spatial_back(R, estimate.velocity))
         for i, motion in enumerate(motions):
             m.q[7 + i], m.v[6 + i], m.arm_acceleration[i] = motion
-        reference.pose = np.array([*flat(target.pose)])
-        reference.velocity = np.array([*flat(target.velocity)])
-        reference.acceleration = np.array([*flat(target.acceleration)])
+        reference.pose = np.array(flat(target.pose))
+        reference.velocity = np.array(flat(target.velocity))
+        reference.acceleration = np.array(flat(target.acceleration))

@@ -101,7 +101,7 @@ class Flight:
     def _end(self, k: int, cause: float) -> None:
         if cause == NOT_FINITE:
             command = self._lists.of(self._block.command)[0]
-            raise NonFiniteWrench(np.array([*flat(command.wrench)]))
+            raise NonFiniteWrench(np.array(flat(command.wrench)))
         self.outcome = "diverged"
         self.reason = divergence(self.plan, k, self.pose) or "not finite"
 

@@ -183,5 +183,6 @@ def record_entry(view, k):
         view.delivery[0].saturated,
         view.governor[0].given_up,
     )
+    rotors = view.rotors[k]
     for i in range(len(view.speeds)):
-        view.rotors[k][i] = RotorEntry(view.commands[i], view.speeds[i])
+        rotors[i] = RotorEntry(view.commands[i], view.speeds[i])
