@@ -19,6 +19,7 @@ from fullam.control.controllers import controller_names
 from fullam.control.estimators import estimator_names
 from fullam.dynamics.integrators import INTEGRATORS
 from fullam.model.loading import load_vehicle, vehicle_names
+from fullam.model.rotors import COLUMNS as ROTOR_DATA
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.numbers.program import program
@@ -77,8 +78,6 @@ def one_rotor_more():
     last["positions"][-1], last["axes"][-1] = (0.0, 0.0, 0.05), (0.0, 0.0, 1.0)
     return replace(vehicle, rotors=replace(r, names=(*r.names, "middle"), **last))
 
-
-ROTOR_DATA = ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags")
 
 MADE = {
     "no arm": without_arm,
