@@ -48,6 +48,9 @@ from fullam.numbers.vectors import ZERO
 
 COMPENSATIONS = ("desired_acceleration", "previous_wrench")
 
+MOST_ROUNDS = 100
+"""More solutions a period than any iteration that settles needs."""
+
 
 @dataclass(frozen=True)
 class DcPidSettings(PidSettings):
@@ -73,8 +76,8 @@ class DcPidSettings(PidSettings):
     def __post_init__(self) -> None:
         """Check the choices, then the PID's own settings."""
         super().__post_init__()
-        if not (isinstance(self.rounds, int) and self.rounds >= 1):
-            raise self._wrong("rounds", "give a whole number, 1 or more")
+        if not (isinstance(self.rounds, int) and 1 <= self.rounds <= MOST_ROUNDS):
+            raise self._wrong("rounds", f"give a whole number, 1 to {MOST_ROUNDS}")
         for field, known in (("compensation", COMPENSATIONS), ("model", tuple(MODELS))):
             if getattr(self, field) not in known:
                 raise self._wrong(field, f"give one of {', '.join(known)}")

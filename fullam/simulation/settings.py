@@ -135,7 +135,7 @@ class SimulationSettings:
         return data | {"estimator_settings": dict(self.estimator_settings), "governor": governor}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:
+    def from_dict(cls, data: Mapping[str, Any]) -> SimulationSettings:
         """The inverse of `to_dict`."""
         values = CHECK.table("settings", data)
         CHECK.known(values, tuple(f.name for f in fields(cls)))

@@ -84,9 +84,7 @@ def test_the_platforms_acceleration_and_its_derivative(chain, rng):
     x[:4] /= np.linalg.norm(x[:4])
     vector = casadi.SX.sym("x", 13)
     parts = casadi.vertsplit(vector)
-    answer = acceleration(
-        tuple(parts[:4]), tuple(parts[4:7]), reader(Spatial)(parts[7:])
-    )
+    answer = acceleration(tuple(parts[:4]), tuple(parts[4:7]), reader(Spatial)(parts[7:]))
     function = traced(answer, vector)
     close(function(x), numbers(x), ROUNDING)
     jacobian = casadi.Function("j", [vector], [casadi.jacobian(function(vector), vector)])
