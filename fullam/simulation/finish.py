@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.oscillation import flight_swing
 from fullam.simulation.run import COLUMNS, FORMAT, Run
 from fullam.version import __version__, version_of
 
@@ -31,7 +32,7 @@ def finish(
         plan: What was flown.
         log: Columns named as the fields of `stages.Entry` and `stages.RotorEntry`.
         rows: How many rows are written.
-        outcome: "completed", "diverged" or "flying".
+        outcome: "completed", "diverged" or "flying"; what completed may turn out "oscillating".
         reason: Why it diverged.
         driver: Which driver flew it.
     """
@@ -56,6 +57,8 @@ def finish(
     out["delivered"] = out["command"] + _turn(R_thrust, out["residual"])
     rotor_A = np.square(out["rotor_speeds"]) @ plan.true.rotors.coupling_matrix.T
     out["rotor_wrench"] = _turn(R_true, rotor_A)
+    if outcome == "completed" and (swings := flight_swing(plan, out["pose"])) is not None:
+        outcome, reason = "oscillating", str(swings)
     metadata = {
         "format": FORMAT,
         "scenario": plan.scenario.to_dict(),

@@ -192,7 +192,7 @@ class Run:
 
     @property
     def outcome(self) -> str:
-        """How it ended: "completed" or "diverged"."""
+        """How it went: "completed", "oscillating" (see `oscillation`) or "diverged"."""
         return str(self.metadata["outcome"])
 
     @property
@@ -204,6 +204,16 @@ class Run:
     def diverged(self) -> bool:
         """Whether the flight ended early because it left the bounds of sense."""
         return self.outcome == "diverged"
+
+    @property
+    def oscillating(self) -> bool:
+        """Whether it came to its end swinging about what was asked of it."""
+        return self.outcome == "oscillating"
+
+    @property
+    def well(self) -> bool:
+        """Whether it completed, and did not swing."""
+        return self.outcome == "completed"
 
     def save(self, path: str | Path) -> Path:
         """Write the run to one `.npz` file, atomically.

@@ -48,6 +48,7 @@ UNREADABLE = (
 """What zipfile, zlib, NumPy (its header is Python text) and JSON raise on a damaged file."""
 
 TABLES = ("scenario", "vehicle", "settings", "simulation", "weather", "versions")
+OUTCOMES = ("completed", "oscillating", "diverged")
 QUATERNIONS = ("pose", "measured_pose", "reference_pose")
 
 
@@ -179,9 +180,9 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         check.text(name, metadata[name])
     check.text("reason", metadata["reason"], prose=True)
     check.whole("seed", metadata["seed"])
-    if metadata["outcome"] not in ("completed", "diverged"):
+    if metadata["outcome"] not in OUTCOMES:
         problem = f"is {shown(metadata['outcome'])}"
-        raise check.refuse("outcome", problem, "a flight is completed or diverged")
+        raise check.refuse("outcome", problem, f"a flight is one of {', '.join(OUTCOMES)}")
     try:
         scenario = Scenario.from_dict(metadata["scenario"])
         simulation = SimulationSettings.from_dict(metadata["simulation"])
@@ -197,7 +198,7 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         if width != count:
             raise check.refuse(name, f"has {count} columns", f"the vehicle has {width}")
     ticks = round(scenario.duration / simulation.control_period) + 1
-    if rows > ticks or (rows < ticks and metadata["outcome"] == "completed"):
+    if rows > ticks or (rows < ticks and metadata["outcome"] != "diverged"):
         raise check.refuse("t", f"has {rows} rows", f"the whole flight has {ticks} ticks")
     # Times are k times the period, to the last bit but one.
     due = np.arange(rows) * simulation.control_period

@@ -19,7 +19,6 @@ from fullam.control.controllers import controller_names
 from fullam.control.estimators import estimator_names
 from fullam.dynamics.integrators import INTEGRATORS
 from fullam.model.loading import load_vehicle, vehicle_names
-from fullam.model.rotors import COLUMNS as ROTOR_DATA
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.numbers.program import program
