@@ -51,7 +51,8 @@ class Crew:
     def after(self, done: Intervention) -> Crew:
         """The crew after an intervention."""
         if done.kind != "rotor":
-            return replace(self, **{done.kind: done})
+            chosen: dict[str, Any] = {done.kind: done}
+            return replace(self, **chosen)
         rotor, fails = {done.values["index"]}, done.values["fails"]
         failed = self.failed | rotor if fails else self.failed - rotor
         known = self.known | rotor if fails and done.values["known"] else self.known - rotor

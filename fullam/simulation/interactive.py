@@ -99,14 +99,15 @@ class InteractiveFlight:
         """Have the stages read what hands change."""
         stages, rows = self.flight.stages, [2.0 * self.plan.simulation.substeps]
         targets, ahead, loads = Row(self._target), Row(self._lead), Row(self._load)
-        for name, changes in {
+        shown: dict[str, dict[str, Any]] = {
             "watch": {"targets": targets},
             "govern": {"targets": targets},
             "foresee": {"ahead": ahead},
             "allocate": {"ahead": ahead, "centers": centers, "joint_rows": rows},
             "command": {"joints": self._arm, "joint_rows": rows},
             "move": {"arm": self._arm, "gusts": loads},
-        }.items():
+        }
+        for name, changes in shown.items():
             if name in stages:
                 stage, view = stages[name]
                 stages[name] = stage, view._replace(**changes)
