@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import platform
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ def finish(
     outcome: str,
     reason: str,
     driver: str = "python",
+    touched: Mapping[str, Any] | None = None,
 ) -> Run:
     """Turn what the stages wrote into a run.
 
@@ -35,13 +38,18 @@ def finish(
         outcome: "completed", "diverged" or "flying"; what completed may turn out "oscillating".
         reason: Why it diverged.
         driver: Which driver flew it.
+        touched: Columns that are not the plan's because a hand changed them, and more metadata
+            under "metadata".
     """
+    changed = dict(touched or {})
+    more = changed.pop("metadata", {})
     out = {name: column[:rows].copy() for name, column in log.items()}
     out["t"] = plan.t[:rows].copy()
     arm_rows = plan.arm_row(1) * np.arange(rows)
     out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
     out["reference_pose"] = plan.asked.pose[:rows].copy()
     out["disturbance"] = plan.forecast.disturbance[:rows].copy()
+    out |= {name: column[:rows].copy() for name, column in changed.items()}
     R_true = quaternion_rotation(out["pose"][:, 3:])
     R_told = quaternion_rotation(out["measured_pose"][:, 3:])
     out["velocity"] = _turn(R_true, out.pop("twist"))
@@ -72,6 +80,7 @@ def finish(
         "reason": reason,
         "driver": driver,
         "versions": _versions(driver),
+        **more,
     }
     return Run({name: out[name] for name in COLUMNS}, metadata)
 
