@@ -205,7 +205,9 @@ class Checker:
         """Refuse keys that nobody reads: a typing error must not pass as a default."""
         for key in table:
             if key not in names:
-                raise self.refuse(key, f"is no {what} of it", f"it has {', '.join(names)}")
+                raise self.refuse(
+                    key, f"is no {what} of it", f"it has {', '.join(names) or 'none'}"
+                )
 
 
 def read_text(path: Path, check: Checker) -> str:

@@ -45,6 +45,7 @@ class UnknownName(FullamError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         """Compose the message, with the closest known name first if one is near."""
+        name = name if isinstance(name, str) else repr(name)  # what is no text is no name
         self.kind, self.name, self.known = kind, name, tuple(known)
         near = difflib.get_close_matches(name[:LONGEST_NAME], self.known, n=1)
         hint = f" Did you mean '{near[0]}'?" if near else ""

@@ -9,6 +9,7 @@ work has to be left in order (rows to be written, processes to be ended).
 This is imported before everything else and imports next to nothing.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -33,6 +34,16 @@ def end_at_once(*_: object) -> None:
     os._exit(EXIT_CODE)
 
 
+def ignore() -> None:
+    """From here on an interrupt changes nothing: what is left is a moment of Python's own.
+
+    Python, tidying up behind the last of our code, would give the signal back to the system, which
+    ends the process without its exit code.
+    """
+    if in_the_main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def in_the_main_thread() -> bool:
     """Whether this thread may set signal handlers."""
     return threading.current_thread() is threading.main_thread()
@@ -51,3 +62,5 @@ def release() -> None:
 
 
 guard()
+if is_command():
+    atexit.register(ignore)  # registered first, called last

@@ -270,6 +270,12 @@ def test_a_bomb_is_not_unpacked(tmp_path, run):
     assert "packed" in str(refused(lambda: Run.load(packed)))
 
 
+def test_a_flight_whose_tables_would_fill_the_memory_is_refused():
+    scenario = Scenario("long", duration=9999.0)
+    fine = {"plant_period": 1e-5}
+    assert "at most" in str(refused(lambda: fullam.simulate(scenario, simulation=fine)))
+
+
 LINES = [
     ["run", "task-1", "--plant-rate", "1e308"],
     ["run", "task-1", "--control-rate", "1e-300"],

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from fullam.control.controllers import controller_class, recommended_estimator, 
 from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.kernel import KERNELS, kernel
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.progress import Progress
 from fullam.simulation.scenario import Scenario, load_scenario
@@ -63,6 +64,8 @@ class Campaign:
         vehicles: Vehicle of each name that a scenario has, as its files were when this was made.
         registered: Classes that fly here and are not fullam's own, by "controller NAME" or
             "estimator NAME".
+        kernels: Kernels of those classes' modules: a worker that gets them by value has to be told
+            that they are kernels.
         drivers: Driver that flies each contender, by its label.
     """
 
@@ -75,6 +78,7 @@ class Campaign:
     traces: bool = False
     vehicles: dict[str, Vehicle] = field(init=False, repr=False, compare=False)
     registered: dict[str, type] = field(init=False, repr=False, compare=False)
+    kernels: tuple[Callable[..., Any], ...] = field(init=False, repr=False, compare=False)
     drivers: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -118,6 +122,8 @@ class Campaign:
         vehicles = {s.vehicle: cached_vehicle(s.vehicle) for s in scenarios}
         self._fix(scenarios=scenarios, contenders=contenders, seeds=seeds, weather=weather)
         self._fix(vehicles=vehicles, registered=self._registered())
+        own = {cls.__module__ for cls in self.registered.values()}
+        self._fix(kernels=tuple(k for k in KERNELS if k.__module__ in own))
         usual = self.simulation.estimator
         drivers = {
             c.label: driver_of(c.controller, c.estimator or usual, self.driver) for c in contenders
@@ -242,6 +248,9 @@ def fly_slice(campaign: Campaign, conditions: dict[str, Any], keys: list[Key]) -
     for name, cls in campaign.registered.items():
         kind, _, called = name.partition(" ")
         (register if kind == "controller" else register_estimator)(called)(cls)
+    for function in campaign.kernels:
+        if function not in KERNELS:
+            kernel(function)
     here = campaign.conditions()
     differing = sorted(k for k in conditions if conditions[k] != here[k])
     if differing:

@@ -143,22 +143,16 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     """Keywords of `simulate` from the arguments of `FLIGHT`.
 
     Raises:
-        ScenarioError: Calm and another weather at once, rates that do not divide each other, or
-            that make more steps of the flight than fit into memory.
+        ScenarioError: Calm and another weather at once, or rates that do not divide each other.
     """
-    from fullam.simulation.scenario import load_scenario
-
     if arguments.calm and arguments.weather:
         raise ScenarioError("--calm", "weather", "is given as well", "give one of the two")
-    simulation = simulation_settings(arguments)
-    scenario = getattr(arguments, "scenario", None) or arguments.target[0]
-    simulation.check_length(load_scenario(scenario).duration)
     return {
         "seed": arguments.seed,
         "calm": arguments.calm,
         "weather": arguments.weather,
         "vehicle": arguments.vehicle,
-        "simulation": simulation,
+        "simulation": simulation_settings(arguments),
         "shaping": dict(arguments.shape),
     }
 

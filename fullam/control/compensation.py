@@ -86,7 +86,7 @@ class JointOne:
     ) -> Spatial:
         """u_dc of eq. (20) at a wanted acceleration; see the module's first lines."""
         self._look(chain, R, w)
-        self._a[:6] = [*flat(rotate_spatial_back(R, acceleration))]
+        self._a[:6] = flat(rotate_spatial_back(R, acceleration))
         pin.rnea(self._model, self._data, self._q, self._v, self._a)
         own, spin = self._platform, pin.Motion(np.zeros(3), self._v[3:6])
         down = pin.Motion(np.array(rotate_back(R, (0.0, 0.0, -gravity))), np.zeros(3))
@@ -100,7 +100,7 @@ class JointOne:
     ) -> Spatial:
         """Platform acceleration under a rotor wrench, eq. (21); see the module's first lines."""
         self._look(chain, R, w)
-        u = np.array([*flat(rotate_spatial_back(R, wrench))])
+        u = np.array(flat(rotate_spatial_back(R, wrench)))
         a = self._multibody.base_acceleration(self._q, self._v, self._a[6:], u)
         return rotate_spatial(R, record(Spatial, a))
 
@@ -131,7 +131,7 @@ class NewtonEuler:
     ) -> Spatial:
         """u_dc of eq. (20) at a wanted acceleration; see the module's first lines."""
         self._look(chain, R, w)
-        wanted = np.array([*flat(acceleration)])
+        wanted = np.array(flat(acceleration))
         u_dc = self._paper.compensation(self._q, self._v, self._ddtheta, acceleration_W=wanted)
         return record(Spatial, u_dc)
 
@@ -140,7 +140,7 @@ class NewtonEuler:
     ) -> Spatial:
         """Platform acceleration under a rotor wrench, eq. (21); see the module's first lines."""
         self._look(chain, R, w)
-        u = np.array([*flat(wrench)])
+        u = np.array(flat(wrench))
         solution = self._paper.solve(self._q, self._v, self._ddtheta, wrench_W=u)
         return record(Spatial, solution.acceleration_W)
 

@@ -114,7 +114,7 @@ class RootForce:
         v[3:6] = rotate_back(R, w)
         for i, motion in enumerate(chain.joints):
             q[7 + i], v[6 + i], a[6 + i] = motion
-        wanted = [*flat(rotate_spatial_back(R, acceleration))]
+        wanted = flat(rotate_spatial_back(R, acceleration))
         return self._wrench(R, wanted), self._wrench(R, np.zeros(6))
 
     def _wrench(self, R: Any, acceleration: Any) -> Spatial:

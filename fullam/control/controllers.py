@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
+from fullam.checks import Checker
 from fullam.control.backstepping import Backstepping
 from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
@@ -59,7 +60,7 @@ def recommended_estimator(name: str) -> str:
     return controller_class(name).estimator
 
 
-def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
+def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
     """Settings of the controller `name`, its defaults with some of them changed.
 
     Raises:
@@ -68,21 +69,14 @@ def make_settings(name: str, changes: dict[str, Any] | None = None) -> Any:
             one of the wrong type.
     """
     cls = controller_class(name)
-    known = [f.name for f in fields(cls.Settings)]
-    for key in changes or {}:
-        if key not in known:
-            raise SettingsError(
-                f"controller '{name}'", key, "is no setting of it", f"it has {', '.join(known)}"
-            )
+    check = Checker(f"controller '{name}'", SettingsError)
+    values = {} if changes is None else check.table("settings", changes)
+    check.known(values, tuple(f.name for f in fields(cls.Settings)), "setting")
     try:
-        return cls.Settings(**(changes or {}))
-    except (TypeError, ValueError) as error:
-        raise SettingsError(
-            f"controller '{name}'",
-            "a setting",
-            f"is of the wrong type ({error})",
-            f"see the defaults, {cls.Settings()}",
-        ) from error
+        return cls.Settings(**values)
+    except (TypeError, ValueError, OverflowError) as error:
+        problem = f"is of the wrong type ({error})"
+        raise check.refuse("a setting", problem, f"see the defaults, {cls.Settings()}") from error
 
 
 def make_controller(

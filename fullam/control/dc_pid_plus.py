@@ -357,7 +357,7 @@ class DcPidPlus(DcPid):
     @property
     def observed_wrench(self) -> Array:
         """The observed wrench d of the last period, world axes, shape (6,) [N, N m]."""
-        return np.array([*flat(self._memory.beside.observer.wrench)])
+        return np.array(flat(self._memory.beside.observer.wrench))
 
     def chain(self, motions: Sequence[JointMotion]) -> Any:
         """The nominal vehicle, as the observer and as dc-PID's model want to see it."""

@@ -46,12 +46,12 @@ def allocate_command(view, k):
     command = view.command[0].wrench
     R = rotation_matrix(boxplus(view.estimate[0].pose.attitude, view.ahead[k].turn))
     asked = rotate_spatial_back(R, command)
-    f, m = asked.linear, asked.angular
-    finite = absolute(f[0] + f[1] + f[2] + m[0] + m[1] + m[2]) < LARGEST
+    f, m, center = asked.linear, asked.angular, view.centers[k * int(view.joint_rows[0])]
+    wanted = f[0] + f[1] + f[2] + m[0] + m[1] + m[2]
+    finite = absolute(wanted + (center[0] + center[1] + center[2])) < LARGEST
     status = ended(view.status[0], finite, k, NOT_FINITE)
     view.status[0] = status
     flying = status.end > k
-    center = view.centers[k * int(view.joint_rows[0])]
     achieved, missing, short = allocate(view.problem, view.memory, asked, center, flying)
     residual = subtract_spatial(achieved, asked)
     view.residual[0] = select(short, residual, Spatial(ZERO, ZERO))

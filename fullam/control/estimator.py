@@ -217,9 +217,9 @@ class KernelEstimator(Estimator):
     def update(self, readings: Readings, measurement: Measurement) -> None:
         """One period, its velocity turned to {A} axes; see `Estimator.update`."""
         pose, velocity = self.estimate(readings)
-        measurement.q[:7] = [*flat(pose)]
+        measurement.q[:7] = flat(pose)
         turned = rotate_spatial_back(rotation_matrix(pose.attitude), velocity)
-        measurement.v[:6] = [*flat(turned)]
+        measurement.v[:6] = flat(turned)
 
     def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
         """The motion behind the kernel; see `Estimator.as_seen`.

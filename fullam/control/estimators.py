@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
+from fullam.checks import Checker
 from fullam.control.estimator import Estimator
 from fullam.control.first_order import FirstOrder
 from fullam.control.kalman import Kalman
@@ -53,18 +54,12 @@ def make_estimator_settings(name: str, changes: Mapping[str, Any] | None = None)
         SettingsError: A setting that the estimator does not have (the message lists its own), or
             one of the wrong type.
     """
-    cls, where = estimator_class(name), f"estimator '{name}'"
-    known = [field.name for field in fields(cls.Settings)]
-    for key in changes or {}:
-        if key not in known:
-            remedy = f"it has {', '.join(known) or 'none'}"
-            raise SettingsError(where, key, "is no setting of it", remedy)
+    cls = estimator_class(name)
+    check = Checker(f"estimator '{name}'", SettingsError)
+    values = {} if changes is None else check.table("settings", changes)
+    check.known(values, tuple(field.name for field in fields(cls.Settings)), "setting")
     try:
-        return cls.Settings(**(changes or {}))
-    except (TypeError, ValueError) as error:
-        raise SettingsError(
-            where,
-            "a setting",
-            f"is of the wrong type ({error})",
-            f"see the defaults, {cls.Settings()}",
-        ) from error
+        return cls.Settings(**values)
+    except (TypeError, ValueError, OverflowError) as error:
+        problem = f"is of the wrong type ({error})"
+        raise check.refuse("a setting", problem, f"see the defaults, {cls.Settings()}") from error

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fullam.checks import Checker, Range
 from fullam.control.signals import Target
 from fullam.dynamics.so3 import compose, exponential, rotation_matrix
 from fullam.dynamics.spatial import Pose
@@ -54,10 +55,10 @@ class Governor:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        check = Checker("governor", SettingsError)
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0.0 < value < np.inf:
-                raise SettingsError("governor", field.name, f"is {value!r}", "give a number > 0")
+            value = check.number(field.name, getattr(self, field.name), Range(1e-6, 1e6))
+            object.__setattr__(self, field.name, value)
 
     def numbers(self, weight: float, period: float) -> Rows:
         """One row of numbers for a vehicle of that weight [N] and a control period [s]."""

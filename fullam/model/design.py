@@ -130,6 +130,7 @@ class VehicleDesign:
             VehicleError: If a parameter is missing, unknown or out of range.
         """
         known = cls.parameters()
+        table = Checker(where, VehicleError).table("design", table)
         read.check_keys(table, known, where, "design")
         table = {"rotor_rows": (), **table}
         missing = [key for key in known if key not in table]

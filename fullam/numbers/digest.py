@@ -38,6 +38,13 @@ def describe(view: Any) -> str:
     return "(" + ", ".join(f"{name}: {describe(part)}" for name, part in parts) + ")"
 
 
+def signature(view: Any) -> Any:
+    """The same as a key that is quickly made: two views with one signature are described alike."""
+    if isinstance(view, Rows):
+        return view.record, view.lanes, view.depth
+    return type(view), tuple(map(signature, view))
+
+
 @cache
 def _ground() -> str:
     """Digest of the sources of this room, which give kernels their meaning in machine code."""
@@ -58,17 +65,18 @@ def _parts(function: Any, seen: set[int]) -> Iterator[str]:
     named.update({name: cell.cell_contents for name, cell in cells})
     yield from _code(function.__code__)
     for default in (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()):
-        yield from _value(default, frozenset(), seen)
-    names = frozenset(_names(function.__code__))
-    yield from _members(names, named, seen)
+        yield from _value(default, set(), seen)
+    yield from _members(_names(function.__code__), _attributes(function.__code__), named, seen)
 
 
-def _members(names: frozenset[str], named: Mapping[str, Any], seen: set[int]) -> Iterator[str]:
+def _members(
+    names: set[str], attributes: set[str], named: Mapping[str, Any], seen: set[int]
+) -> Iterator[str]:
     """Those of some names that mean something, and what they mean."""
     for name in sorted(names):
         if name in named:
             yield name
-            yield from _value(named[name], names, seen)
+            yield from _value(named[name], attributes, seen)
 
 
 def _code(code: types.CodeType) -> Iterator[str]:
@@ -91,14 +99,21 @@ def _names(code: types.CodeType) -> set[str]:
     return names
 
 
-def _value(value: Any, names: frozenset[str], seen: set[int]) -> Iterator[str]:
-    """What a name means; of a module, what those of the names mean that may be its attributes."""
+def _attributes(code: types.CodeType) -> set[str]:
+    """Names of attributes that code asks for, that inside it included."""
+    loads = (i for i in dis.get_instructions(code) if i.opname in ("LOAD_ATTR", "LOAD_METHOD"))
+    names = {str(i.argval) for i in loads}
+    return names.union(*(_attributes(c) for c in code.co_consts if isinstance(c, types.CodeType)))
+
+
+def _value(value: Any, attributes: set[str], seen: set[int]) -> Iterator[str]:
+    """What a name means; of a module, what its attributes mean that code asks for."""
     if isinstance(value, types.FunctionType):
         yield from _parts(value, seen)
     elif isinstance(value, types.ModuleType):
         if id(value) not in seen:
             seen.add(id(value))
-            yield from _members(names, vars(value), seen)
+            yield from _members(attributes, attributes, vars(value), seen)
             seen.discard(id(value))
     elif isinstance(value, type) and hasattr(value, "_fields"):
         yield repr((value.__qualname__, value._fields))

@@ -52,6 +52,8 @@ def _symbolic(x: Any) -> Any:
 
 def select(condition: Any, a: Any, b: Any) -> Any:
     """The number or record a where the condition holds, else b."""
+    if condition is True or condition is False:  # nearly always: it need not be looked at twice
+        return a if condition else b
     casadi = _symbolic(condition)
     if casadi is None:
         return a if condition else b
@@ -63,7 +65,7 @@ def select(condition: Any, a: Any, b: Any) -> Any:
 
 def sqrt(x: Any) -> Any:
     """Square root, correctly rounded everywhere."""
-    casadi = _symbolic(x)
+    casadi = None if type(x) is float else _symbolic(x)
     return math.sqrt(x) if casadi is None else casadi.sqrt(x)
 
 
@@ -118,5 +120,5 @@ def absolute(x):
 
 @kernel
 def clip(x, low, high):
-    """The number within [low, high]."""
-    return maximum(minimum(x, high), low)
+    """The number within [low, high]; NaN stays NaN, so that nobody takes a bound for an answer."""
+    return select(x < low, low, select(x > high, high, x))

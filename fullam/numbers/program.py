@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fullam.numbers.machine_code import Code, available, loop_code, stage_code
-from fullam.numbers.records import Rows, build, flat, layout, rows_of
+from fullam.numbers.records import Rows, flat, reader, rows_of
 
 LOOP = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)
 STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2)
@@ -112,8 +112,7 @@ class Long:
 
     def __init__(self, rows: Rows) -> None:
         """Bind the rows, of one flight."""
-        self._array, self._rows = rows.array, rows
-        self._plan, self._deep = layout(rows.record), rows.depth > 1
+        self._array, self._depth, self._read = rows.array, rows.depth, reader(rows.record)
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -121,19 +120,18 @@ class Long:
 
     def __getitem__(self, k: int) -> Any:
         """The record, or the rows, at an index."""
-        if self._deep:
-            inner = Rows.__new__(Rows)
-            inner.record, inner.lanes, inner.depth = self._rows.record, 0, self._rows.depth - 1
-            inner.array = self._array[k]
-            return Long(inner)
-        return build(self._plan, iter(self._array[k].tolist()))
+        if self._depth == 1:
+            return self._read(self._array[k].tolist())
+        inner = Long.__new__(Long)
+        inner._array, inner._depth, inner._read = self._array[k], self._depth - 1, self._read
+        return inner
 
     def __setitem__(self, k: int, value: Any) -> None:
         """Store a record."""
-        self._array[k] = [*flat(value)]
+        self._array[k] = flat(value)
 
     def __iter__(self) -> Iterator[Any]:
-        """The records in turn."""
+        """The records, or the rows, in turn."""
         return (self[k] for k in range(len(self)))
 
 

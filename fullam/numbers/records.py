@@ -11,8 +11,9 @@ A *view* is a NamedTuple whose fields are `Rows`, or views again: all that a ker
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -46,26 +47,44 @@ def _count(plan: Plan) -> int:
     return 1 if plan is None else sum(map(_count, plan[1:]))
 
 
-def build(plan: Plan, numbers: Iterator[Any]) -> Any:
-    """Make the record of a layout from its numbers, in order."""
+@cache
+def reader(kind: Any) -> Callable[[list[Any]], Any]:
+    """A function that makes a record from the list of its numbers."""
+    return _reader(layout(kind), 0)
+
+
+def _reader(plan: Plan, start: int) -> Callable[[list[Any]], Any]:
     if plan is None:
-        return next(numbers)
-    parts = [build(part, numbers) for part in plan[1:]]
-    return tuple(parts) if plan[0] is tuple else plan[0](*parts)
+        return itemgetter(start)
+    make = getattr(plan[0], "_make", tuple)  # of a NamedTuple
+    stop = start + _count(plan)
+    if all(part is None for part in plan[1:]):
+        return lambda numbers: make(numbers[start:stop])
+    reads = []
+    for part in plan[1:]:
+        reads.append(_reader(part, start))
+        start += _count(part)
+    return lambda numbers: make([read(numbers) for read in reads])
 
 
 def record(kind: Any, numbers: Any) -> Any:
     """A record of Python floats from an array of its numbers, shape (size,)."""
-    return build(layout(kind), iter(np.asarray(numbers, dtype=float).tolist()))
+    return reader(kind)(np.asarray(numbers, dtype=float).tolist())
 
 
-def flat(value: Any) -> Iterator[Any]:
+def flat(value: Any) -> list[Any]:
     """The numbers of a record, in order."""
-    if isinstance(value, tuple):
-        for part in value:
-            yield from flat(part)
-    else:
-        yield value
+    numbers: list[Any] = []
+    _append(value if isinstance(value, tuple) else (value,), numbers)
+    return numbers
+
+
+def _append(value: tuple[Any, ...], numbers: list[Any]) -> None:
+    for part in value:
+        if isinstance(part, tuple):
+            _append(part, numbers)
+        else:
+            numbers.append(part)
 
 
 @cache
@@ -125,7 +144,7 @@ class Rows:
 
     def to_list(self) -> Any:
         """The same records as a list (of lists) of NamedTuples; of one flight only."""
-        return _records(layout(self.record), self.array.tolist(), self.depth)
+        return _records(reader(self.record), self.array.tolist(), self.depth)
 
     def assign(self, records: Any) -> None:
         """Take over the records of a list of the same lengths; read-only rows stay as they are."""
@@ -134,13 +153,13 @@ class Rows:
 
 
 def _numbers(records: Any) -> Any:
-    return [_numbers(r) for r in records] if isinstance(records, list) else list(flat(records))
+    return [_numbers(r) for r in records] if isinstance(records, list) else flat(records)
 
 
-def _records(plan: Plan, values: Any, depth: int) -> Any:
+def _records(read: Callable[[list[Any]], Any], values: Any, depth: int) -> Any:
     if depth == 0:
-        return build(plan, iter(values))
-    return [_records(plan, value, depth - 1) for value in values]
+        return read(values)
+    return [_records(read, value, depth - 1) for value in values]
 
 
 def aligned(shape: tuple[int, ...]) -> Array:

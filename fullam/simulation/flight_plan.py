@@ -85,10 +85,12 @@ class FlightPlan:
 
         Raises:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
-                starts beyond the bounds of divergence, or the seed is no whole number from 0 on.
+                starts beyond the bounds of divergence, the flight has more steps than fit into
+                memory, or the seed is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1

@@ -177,5 +177,5 @@ class PinocchioRate:
         for i, motion in enumerate(system.arm[system.row + stage * system.stride]):
             q[7 + i], v[6 + i], self._ddtheta[i] = motion
         gust = rotate_spatial_back(rotation_matrix(pose.attitude), system.gust)
-        wrench = np.array([*flat(add_spatial(wrench_at(system, stage), gust))])
+        wrench = np.array(flat(add_spatial(wrench_at(system, stage), gust)))
         return record(Spatial, self._multibody.base_acceleration(q, v, self._ddtheta, wrench))

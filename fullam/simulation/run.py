@@ -196,6 +196,11 @@ class Run:
         return str(self.metadata["outcome"])
 
     @property
+    def script(self) -> dict[str, Any] | None:
+        """What hands did to it, if they did: "interventions", and the plan's "horizon" [s]."""
+        return self.metadata.get("script")
+
+    @property
     def driver(self) -> str:
         """Who flew it: "python" or "fused"."""
         return str(self.metadata["driver"])

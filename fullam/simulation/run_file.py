@@ -19,10 +19,11 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.checks import Checker, shown
+from fullam.checks import Checker, Range, shown
 from fullam.exceptions import FullamError, RunFileError
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.interventions import read_script
+from fullam.simulation.scenario import LONGEST, Scenario
 from fullam.simulation.settings import MOST_TICKS, SimulationSettings
 from fullam.simulation.weather import Weather
 
@@ -190,6 +191,8 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         vehicle = Vehicle.from_data(metadata["vehicle"])
     except FullamError as error:
         raise check.refuse("metadata", str(error).rstrip("."), "save the run again") from error
+    if "script" in metadata:
+        _check_script(metadata["script"], scenario.duration, check)
     rows = arrays["t"].size
     for name, width, count in (
         ("arm", vehicle.n_arm, arrays["arm"].shape[1]),
@@ -204,6 +207,17 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
     due = np.arange(rows) * simulation.control_period
     if not np.allclose(arrays["t"], due, rtol=1e-12, atol=0.0):
         raise check.refuse("t", "does not go in steps of control_period", "save the run again")
+
+
+def _check_script(script: Any, duration: float, check: Checker) -> None:
+    """What hands did is in order, and the flight was meant to last as long at least."""
+    table = check.table("script", script)
+    check.known(table, ("horizon", "interventions"))
+    check.number("horizon", table.get("horizon"), Range(duration, LONGEST, "s"))
+    try:
+        read_script(table.get("interventions"))
+    except FullamError as error:
+        raise check.refuse("script", str(error).rstrip("."), "save the run again") from error
 
 
 def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Checker) -> None:

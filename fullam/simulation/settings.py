@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fullam.checks import Checker, Range, positive
+from fullam.checks import Checker, Range, positive, shown
 from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
@@ -142,11 +142,11 @@ class SimulationSettings:
     def to_dict(self) -> dict[str, Any]:
         """JSON values."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        governor = "off" if self.governor is None else asdict(self.governor)
+        governor = asdict(self.governor) if isinstance(self.governor, Governor) else "off"
         return data | {"estimator_settings": dict(self.estimator_settings), "governor": governor}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> SimulationSettings:
+    def from_dict(cls, data: Mapping[str, Any]) -> SimulationSettings:
         """The inverse of `to_dict`."""
         values = CHECK.table("settings", data)
         CHECK.known(values, tuple(f.name for f in fields(cls)))
@@ -157,11 +157,11 @@ def _governor(given: Any) -> Governor | None:
     """The governor that was asked for."""
     if given is None or isinstance(given, Governor):
         return given
-    if given in ("on", "off"):
+    if isinstance(given, str) and given in ("on", "off"):
         return Governor() if given == "on" else None
     known = [f.name for f in fields(Governor)]
     if not isinstance(given, Mapping) or set(given) - set(known):
-        raise ScenarioError(
-            WHERE, "governor", f"is {given!r}", f"give 'on', 'off', or some of {', '.join(known)}"
+        raise CHECK.refuse(
+            "governor", f"is {shown(given)}", f"give 'on', 'off', or some of {', '.join(known)}"
         )
     return Governor(**given)

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+from fullam.checks import Checker
 from fullam.control.controllers import make_settings
-from fullam.exceptions import Diverged, UnknownName
+from fullam.exceptions import Diverged, ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation import fused
@@ -62,25 +63,35 @@ def prepare(
     scenario = _scenario(scenario, choices.get("shaping"))
     vehicle = choices.get("vehicle")
     if not isinstance(vehicle, Vehicle):
-        vehicle = load_vehicle(vehicle or scenario.vehicle)
-    weather = CALM if choices.get("calm") else choices.get("weather")
-    if isinstance(weather, str):
-        weather = named_weather(weather)
+        vehicle = load_vehicle(scenario.vehicle if vehicle is None else vehicle)
     settings = choices.get("settings")
     if settings is None or isinstance(settings, Mapping):
-        settings = make_settings(controller, dict(settings or {}))
-    simulation = choices.get("simulation") or {}
+        settings = make_settings(controller, settings)
+    simulation = choices.get("simulation")
     if not isinstance(simulation, SimulationSettings):
-        simulation = SimulationSettings.from_dict(dict(simulation))
+        simulation = SimulationSettings.from_dict({} if simulation is None else simulation)
     return FlightPlan.prepare(
         scenario,
         vehicle,
         controller,
         settings,
         simulation,
-        weather or scenario.weather,
+        _weather(choices.get("weather"), choices.get("calm", False)) or scenario.weather,
         choices.get("seed", 0),
     )
+
+
+def _weather(weather: Weather | str | None, calm: bool) -> Weather | None:
+    """The weather that was chosen, if one was."""
+    check = Checker("flight", ScenarioError)
+    if check.flag("calm", calm):
+        return CALM
+    if weather is None:
+        return None
+    if isinstance(weather, str):
+        return named_weather(weather)
+    chosen: Weather = check.instance("weather", weather, Weather)
+    return chosen
 
 
 def _scenario(
@@ -133,7 +144,7 @@ def simulate(
         SettingsError: A setting that the controller does not accept; or driver="fused" for a law
             or an estimator that is not written as kernels. The message names it.
     """
-    if driver not in DRIVERS:
+    if not isinstance(driver, str) or driver not in DRIVERS:
         raise UnknownName("driver", driver, DRIVERS)
     plan = prepare(scenario, controller, **choices)
     run = fused.fly(plan, progress) if driver == "fused" else fly_by_python(plan, progress)

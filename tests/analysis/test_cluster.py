@@ -186,6 +186,56 @@ def test_a_kill_loses_the_flights_in_the_air_and_half_a_second(
     assert out.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
 
 
+OWN_KERNEL = """
+import sys, time
+import cloudpickle
+from fullam.analysis.campaign import Campaign
+from fullam.control import pid
+from fullam.control.controllers import register
+from fullam.control.signals import Command
+from fullam.dynamics.spatial import Spatial
+from fullam.numbers.kernel import kernel
+from fullam.simulation.scenario import Scenario
+
+SHARE = 0.9 + 1e-9 * (time.time_ns() % 10**6)  # compiled by nobody yet
+
+@kernel
+def share(x):
+    return SHARE * x
+
+@kernel
+def mild(numbers, chain, estimate, target, memory):
+    command, memory = pid.command(numbers, chain, estimate, target, memory)
+    x, y, z = command.wrench.linear
+    wrench = Spatial((share(x), y, z), command.wrench.angular)
+    return Command(wrench, command.u_pid, command.u_dc), memory
+
+@register("mild")
+class Mild(pid.Pid):
+    kernels = pid.Pid.kernels._replace(command=mild)
+
+campaign = Campaign((Scenario("brief", duration=0.2),), ("mild",), (0, 1))
+assert campaign.drivers == {"mild": "fused"}
+sys.stdout.buffer.write(cloudpickle.dumps((campaign, campaign.conditions())))
+"""
+
+WORKER = """
+import pickle, sys
+from fullam.analysis.campaign import fly_slice
+campaign, conditions = pickle.load(sys.stdin.buffer)
+(cells,) = fly_slice(campaign, conditions, campaign.keys)
+print(*cells.flights.outcomes)
+"""
+
+
+def test_kernels_of_a_script_are_kernels_on_a_worker():
+    sent = subprocess.run([sys.executable, "-"], input=OWN_KERNEL.encode(), capture_output=True)
+    assert sent.returncode == 0, sent.stderr.decode()
+    code = [sys.executable, "-c", WORKER]
+    flown = subprocess.run(code, input=sent.stdout, capture_output=True)
+    assert flown.stdout.split() == [b"completed"] * 2, flown.stderr.decode()
+
+
 KERNELS_ALONE = """
 import sys
 from fullam.analysis.campaign import Campaign, sweep

@@ -56,7 +56,6 @@ def test_a_law_says_with_what_lag_its_wrench_follows(name, vehicle):
     mean = vehicle.rotors.lags.mean()
     assert mean > 0.0
     assert law.thrust_lag() == (0.5 * mean if name == "dc-pid-plus" else mean)
-    assert law.thrust_lag() == law.settings.thrust_lag(vehicle)
 
 
 def test_the_table_holds_the_laws_under_their_names():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,13 @@ import numpy as np
 from fullam.analysis.agreement import agreement
 from fullam.analysis.campaign import Campaign
 from fullam.analysis.contender import Contender
+from fullam.control.controllers import controller_names, make_settings
+from fullam.control.estimators import make_estimator_settings
+from fullam.control.governor import Governor
 from fullam.exceptions import FullamError
 from fullam.model import wrench_axes
 from fullam.model.chain import LinkChain, release_joint, released_model
-from fullam.model.design import design_vehicle
+from fullam.model.design import VehicleDesign, design_vehicle
 from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.model.perturbation import Uncertainty, perturb
 from fullam.model.rotors import Rotors
@@ -25,6 +29,8 @@ from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario, register_scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.shaping import Shaping
+from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import Weather, weather
 
 WRONG: tuple[Any, ...] = (
@@ -43,12 +49,18 @@ WRONG: tuple[Any, ...] = (
 """What a slip of the fingers, or a column of a data frame, may put there."""
 
 
+def settings_of(law: str) -> Callable[..., Any]:
+    """Makes the settings of a law, each given by name."""
+    return lambda **changes: make_settings(law, changes)
+
+
 def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     """Functions and classes with arguments that are right."""
     vehicle, rng = load_vehicle("fullam"), np.random.default_rng(0)
     rotors = vehicle.rotors
     columns = {f: getattr(rotors, f) for f in ("names", "positions", "axes", "spins")}
-    columns |= {f: getattr(rotors, f) for f in ("k_f", "k_tau", "max_speeds", "lags", "where")}
+    columns |= {f: getattr(rotors, f) for f in ("k_f", "k_tau", "max_speeds", "min_speeds")}
+    columns |= {f: getattr(rotors, f) for f in ("lags", "where")}
     paper = weather("paper")
     scenario = load_scenario("task-2")
     design = {"rotor_count": 6, "cant_deg": 30.0, "platform_mass": 2.0, "k_f": 1e-5}
@@ -88,6 +100,29 @@ def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (Weather.from_dict, {"data": paper.to_dict()}),
         (weather, {"name": "paper"}),
         (SimulationSettings, SimulationSettings().to_dict()),
+        (Governor, vars(Governor())),
+        (Shaping, Shaping().to_dict()),
+        (Shaping.from_dict, {"data": {}}),
+        (make_settings, {"name": "dc-pid", "changes": {"rounds": 2}}),
+        (make_estimator_settings, {"name": "kalman", "changes": {"initial_speed": 0.1}}),
+        *((settings_of(law), make_settings(law).to_dict()) for law in controller_names()),
+        (VehicleDesign, VehicleDesign.from_table(vehicle.definition["design"]).to_table()),
+        (VehicleDesign.from_table, {"table": vehicle.definition["design"]}),
+        (
+            simulate,
+            {
+                "scenario": replace(scenario, duration=0.02),
+                "controller": "pid",
+                "driver": "python",
+                "vehicle": vehicle,
+                "seed": 1,
+                "weather": "calm",
+                "calm": False,
+                "settings": {},
+                "simulation": {"governor": "off"},
+                "shaping": {},
+            },
+        ),
         (SimulationSettings.from_dict, {"data": SimulationSettings().to_dict()}),
         (SimulationSettings().check_length, {"duration": 6.0}),
         (Run.load, {"path": "run.npz"}),

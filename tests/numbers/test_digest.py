@@ -167,4 +167,5 @@ def test_keys_are_the_same_in_every_process():
     command = [sys.executable, "-c", code]
     runs = [subprocess.run(command, capture_output=True, text=True, check=True) for _ in range(2)]
     assert runs[0].stdout == runs[1].stdout
-    assert len(set(runs[0].stdout.split())) == 9
+    keys = runs[0].stdout.split()
+    assert len(set(keys)) == len(keys) > 8

@@ -86,4 +86,5 @@ def test_the_lesser_and_the_greater():
 def test_absolute_value_clip_and_root():
     assert (absolute(-2.0), absolute(2.0), absolute(-math.inf)) == (2.0, 2.0, math.inf)
     assert [clip(x, -1.0, 2.0) for x in (-3.0, 0.5, 9.0)] == [-1.0, 0.5, 2.0]
+    assert math.isnan(clip(NAN, -1.0, 2.0)), "a bound is no answer to what is not known"
     assert sqrt(2.0) == math.sqrt(2.0)

@@ -26,6 +26,7 @@ from fullam.numbers.kernel import (
     select,
     some,
     sqrt,
+    subroutine,
 )
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows, one
@@ -98,7 +99,7 @@ def mean(x, y):
     return 0.5 * (x + y)
 
 
-@kernel
+@subroutine
 def summed(vectors, p):
     total = (0.0, 0.0, 0.0)
     for i in range(len(vectors)):
@@ -265,6 +266,6 @@ def add_one(view, k):
 def test_what_python_does_not_offer_is_no_primitive():
     """Every primitive has its meaning in lanes: a new one is to be added to `everything` above."""
     named = {"select", "sqrt", "both", "either", "some", "lane_count", "lane_of"}
-    named |= {"minimum", "maximum", "absolute", "clip", "kernel"}
+    named |= {"minimum", "maximum", "absolute", "clip", "kernel", "subroutine"}
     public = {n for n, v in vars(k_).items() if callable(v) and v.__module__ == k_.__name__}
     assert {name for name in public if not name.startswith("_")} == named

@@ -10,10 +10,9 @@ from fullam.numbers.records import (
     ALIGNMENT,
     Rows,
     aligned,
-    build,
     columns,
     flat,
-    layout,
+    reader,
     record,
     rows_of,
     size,
@@ -52,7 +51,7 @@ def test_numbers_to_record_and_back():
     assert made == VALUE
     assert (type(made), type(made.first), type(made.pair)) == (Outer, Inner, tuple)
     assert [*flat(made)] == NUMBERS
-    assert build(layout(float), iter([3.0])) == 3.0
+    assert reader(float)([3.0]) == 3.0
     assert columns(Outer) == {"first": slice(0, 4), "pair": slice(4, 6), "last": slice(6, 7)}
 
 

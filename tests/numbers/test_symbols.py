@@ -16,7 +16,7 @@ from fullam.dynamics.recursion import (
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial
 from fullam.model.loading import load_vehicle
-from fullam.numbers.records import build, flat, layout, record, size
+from fullam.numbers.records import flat, reader, record, size
 
 casadi = pytest.importorskip("casadi", reason="derivatives need CasADi")
 
@@ -31,7 +31,7 @@ derivative times STEP^2, and rounding 1e-16 over STEP times numbers of up to 1e3
 def symbols(kind):
     """A record of symbols, and the vector of them."""
     vector = casadi.SX.sym("x", size(kind))
-    return build(layout(kind), iter(casadi.vertsplit(vector))), vector
+    return reader(kind)(casadi.vertsplit(vector)), vector
 
 
 def traced(answer, *vectors):
@@ -84,9 +84,7 @@ def test_the_platforms_acceleration_and_its_derivative(chain, rng):
     x[:4] /= np.linalg.norm(x[:4])
     vector = casadi.SX.sym("x", 13)
     parts = casadi.vertsplit(vector)
-    answer = acceleration(
-        tuple(parts[:4]), tuple(parts[4:7]), build(layout(Spatial), iter(parts[7:]))
-    )
+    answer = acceleration(tuple(parts[:4]), tuple(parts[4:7]), reader(Spatial)(parts[7:]))
     function = traced(answer, vector)
     close(function(x), numbers(x), ROUNDING)
     jacobian = casadi.Function("j", [vector], [casadi.jacobian(function(vector), vector)])

@@ -20,6 +20,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 KERNELS: list[Callable[..., Any]] = []
 """All kernels, in the order of definition: a kernel calls only those before it."""
 
+_taught: list[Callable[..., Any]] = []
+"""Those that machine code knows already: modules may be imported after the first compilation."""
+
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """No global lock, so that threads run side by side; division by zero gives infinity."""
 
@@ -64,12 +67,14 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(**OPTIONS)(entry)
 
 
-@functools.cache
 def _teach_kernels() -> None:
+    """Let machine code call every kernel that has been defined so far."""
     from numba.extending import register_jitable
 
-    for function in KERNELS:
+    while len(_taught) < len(KERNELS):
+        function = KERNELS[len(_taught)]
         register_jitable(**OPTIONS)(function)
+        _taught.append(function)
 
 
 @functools.cache

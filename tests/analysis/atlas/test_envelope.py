@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -233,3 +235,14 @@ def test_bad_loads_are_named() -> None:
         load_of(vehicle, payload=-1.0)
     with pytest.raises(VehicleError, match="theta"):
         load_of(vehicle, [0.0])
+
+
+def test_kernels_of_modules_imported_after_the_first_compilation_are_known() -> None:
+    code = (
+        "from fullam.analysis.atlas.envelope import Envelope\n"
+        "from fullam.model.loading import load_vehicle\n"
+        "e = Envelope.of(load_vehicle('hextilt'))\n"
+        "from fullam.analysis.atlas.batches import worst_tilts\n"
+        "assert abs(worst_tilts(e.facets, e.load, [e.load.center])[0] - e.worst_tilt[0]) < 1e-12\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
