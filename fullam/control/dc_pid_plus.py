@@ -15,10 +15,11 @@ n = 2, the loop cut at the command has
     position  25, 10, observer 20 rad/s:  phase margin 45 deg, gain margin 4.7, delay margin 37 ms
     attitude  60, 15, observer 18 rad/s:  phase margin 38 deg, gain margin 4.0, delay margin 27 ms
 
-and with a true lag 30 % longer than the nominal one the attitude keeps 31 deg and 4.4. That much
-speed needs an estimate like the Kalman filter's. Behind the paper's first-order filter, whose
-velocity has thirty times the noise, `caution` slows the law down, and it is then about as good as
-dc-PID.
+and with a true lag 30 % longer than the nominal one the attitude keeps 31 deg and 4.4;
+`fullam check VEHICLE --controller dc-pid-plus` tells the margins on a vehicle. That much speed
+needs an estimate like the Kalman filter's, which it flies with unless told otherwise. Behind the
+paper's first-order filter, whose velocity has thirty times the noise, `caution` slows the law down,
+and it is then about as good as dc-PID.
 """
 
 from __future__ import annotations

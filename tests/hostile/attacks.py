@@ -359,7 +359,8 @@ OPTIONS = {
     "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
             "--estimator --figure --driver --calm --json"),
     "compare": "--controllers --seed --weather --vehicle --control-rate --figure --calm --json",
-    "check": "--seed --json --samples",
+    "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
+              "--weather"),
     "list": "--json",
     "equations": "--json",
     "plot": "--what --out",
