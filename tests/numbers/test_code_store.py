@@ -129,7 +129,10 @@ def test_code_is_compiled_once_loaded_without_the_compiler_and_mended_when_damag
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2])
     mended = run_script(tmp_path)
-    assert [line.split()[:2] for line in mended[:2]] == [["compiled", "double"], ["compiled", "the"]]
+    assert [line.split()[:2] for line in mended[:2]] == [
+        ["compiled", "double"],
+        ["compiled", "the"],
+    ]
     assert run_script(tmp_path) == ["False [2.0, 4.0]"]
 
 
