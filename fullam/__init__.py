@@ -32,6 +32,8 @@ from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
 if TYPE_CHECKING:
+    from fullam.analysis.diagnosis import diagnose
+    from fullam.analysis.margins import loop_margins
     from fullam.analysis.metrics import Metrics, measure
     from fullam.control.allocation import Allocation, Allocator
     from fullam.control.controller import Controller
@@ -49,6 +51,8 @@ if TYPE_CHECKING:
     from fullam.viz.viewer.widgets import explore
 
 LATER = {
+    "fullam.analysis.diagnosis": ("diagnose",),
+    "fullam.analysis.margins": ("loop_margins",),
     "fullam.analysis.metrics": ("Metrics", "measure"),
     "fullam.control.allocation": ("Allocation", "Allocator"),
     "fullam.control.controller": ("Controller",),
@@ -105,12 +109,14 @@ __all__ = [
     "__version__",
     "controller_names",
     "design_vehicle",
+    "diagnose",
     "estimator_names",
     "explore",
     "fly",
     "fly_many",
     "load_scenario",
     "load_vehicle",
+    "loop_margins",
     "make_controller",
     "measure",
     "prepare",

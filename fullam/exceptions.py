@@ -169,7 +169,9 @@ class Diverged(FullamError):
     def __init__(self, run: Any, reason: str) -> None:
         """Keep the partial run; the message is the reason."""
         self.run, self.reason = run, reason
-        super().__init__(f"the flight diverged: {reason}.")
+        super().__init__(
+            f"the flight diverged: {reason}. What was in its way: fullam.diagnose(error.run)."
+        )
 
 
 class MissingDependency(FullamError):

@@ -180,7 +180,7 @@ def test_diverged_flight_exits_1_and_still_reports(fullam, scenario):
     path = scenario(GALE)
     code, out, err = fullam("run", path)
     assert code == FAILED
-    assert "DIVERGED: at t =" in out
+    assert "DIVERGED, dc-pid: at t =" in out
     assert err == ""
     code, out, _ = fullam("run", path, "--json")
     assert code == FAILED

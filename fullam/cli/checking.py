@@ -13,6 +13,8 @@ from fullam.exceptions import VehicleError
 
 if TYPE_CHECKING:
     from fullam.analysis.agreement import AgreementTable
+    from fullam.analysis.margins import LoopMargins
+    from fullam.model.vehicle import Vehicle
 
 AGREEMENT = 1e-9
 """Largest relative difference at which the three ways to compute the dynamics agree.
@@ -34,6 +36,11 @@ the states sampled on purpose near its worst), a wrong sign or a wrong frame abo
     argument(
         "--seed", type=options.seed, default=0, metavar="N", help="seed of the states (default: 0)"
     ),
+    argument("--controller", metavar="NAME", help="tell the margins of this law's loops as well"),
+    argument("--estimator", metavar="NAME", help="with this estimator (default: the law's own)"),
+    argument("--delay", type=options.delay, default=0.0, metavar="S", help="age of a pose [s] (0)"),
+    argument("--control-rate", type=options.rate, metavar="HZ", help="of the law (100)"),
+    argument("--weather", default="calm", metavar="NAME", help="whose noise there is (calm)"),
     options.JSON,
 )
 def check_vehicle(arguments: argparse.Namespace) -> int:
@@ -42,8 +49,9 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     First what its rotors can do: axes, lift, hover speeds, hover tilt; how far its joints go; and
     what loading let pass: joints that are held, odd inertias, missing meshes. Then the agreement of
     the paper's recursion, its matrix system and Pinocchio on random states, where the paper's
-    equations hold for the arm. Exit code 1 says that the vehicle cannot hover level or that the
-    three disagree.
+    equations hold for the arm. With --controller also the phase, gain and delay margins of that
+    law's loops on this vehicle, in hover. Exit code 1 says that the vehicle cannot hover level,
+    that the three disagree or that a loop has no margin.
     """
     from fullam.analysis.agreement import agreement
     from fullam.analysis.capability import assess
@@ -62,7 +70,8 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     except VehicleError as error:
         verdict = {"not_applicable": f"{error.field} {error.problem}; {error.remedy}"}
     agree = witnesses is None or witnesses.largest <= AGREEMENT
-    passed = capability.can_hover and agree
+    margins = margins_of(arguments, vehicle) if capability.can_hover else None
+    passed = capability.can_hover and agree and (margins is None or margins.enough)
     if arguments.json:
         say_json(
             {
@@ -70,6 +79,7 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
                 "capability": capability.to_dict(),
                 "remarks": remarks,
                 "agreement": verdict,
+                **({} if margins is None else {"margins": margins.to_dict()}),
                 "passed": passed,
             }
         )
@@ -84,4 +94,33 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
         say(f"\n{witnesses}")
         say(f"\ndynamics: {'agree' if agree else 'DISAGREE'} (tolerance {AGREEMENT:g})")
     say(f"hover: {'possible' if capability.can_hover else 'IMPOSSIBLE'}")
+    if margins is not None:
+        header = ["loop", "phase [deg]", "gain", "delay [ms]", "crossover [rad/s]"]
+        say(f"\n{margins.controller} with the estimator {margins.estimator}, margins in hover:\n")
+        say(table(margins.rows(), header))
+        say(f"margins: {'enough' if margins.enough else f'NONE: {margins.worst}'}")
     return OK if passed else FAILED
+
+
+def margins_of(arguments: argparse.Namespace, vehicle: Vehicle) -> LoopMargins | None:
+    """Margins of the law that was named, hovering; None if none was."""
+    from fullam.analysis.margins import loop_margins
+    from fullam.model.wrench_axes import controllable_axes
+    from fullam.simulation.scenario import AXES, Scenario
+    from fullam.simulation.simulate import prepare
+
+    if arguments.controller is None:
+        return None
+    possible = zip(AXES, controllable_axes(vehicle.rotors), strict=True)
+    scenario = Scenario(name="hover", axes=tuple(axis for axis, good in possible if good))
+    simulation: dict[str, Any] = {"estimator": arguments.estimator, "delay": arguments.delay}
+    if arguments.control_rate:
+        simulation["control_period"] = 1.0 / arguments.control_rate
+    plan = prepare(
+        scenario,
+        arguments.controller,
+        vehicle=vehicle,
+        weather=arguments.weather,
+        simulation=simulation,
+    )
+    return loop_margins(plan)

@@ -10,6 +10,7 @@ from fullam.cli.output import complain, number, progress, say, say_json, table
 from fullam.cli.verbs import FAILED, OK, argument, verb
 
 if TYPE_CHECKING:
+    from fullam.analysis.diagnosis import Finding
     from fullam.analysis.metrics import Metrics
     from fullam.simulation.run import Run
 
@@ -73,9 +74,11 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     """Fly a scenario and measure it.
 
     Prints what the flight was worth, and saves the record and a figure if asked. Two controllers
-    with one seed meet exactly the same weather. Exit code 1 says that the flight diverged.
+    with one seed meet exactly the same weather. Exit code 1 says that the flight diverged or
+    swings about its target.
     """
     warn_of_reach(arguments)
+    warn_of_loop(arguments, arguments.controller, dict(arguments.set))
     run, metrics = fly(arguments, arguments.controller, dict(arguments.set), arguments.driver)
     files = {}
     if arguments.out:
@@ -85,14 +88,14 @@ def run_scenario(arguments: argparse.Namespace) -> int:
 
         files["figure"] = str(save_figure(overview(run), arguments.figure))
     if arguments.json:
-        say_json(identity(run) | metrics.to_dict() | {"files": files})
+        found = {"files": files, "findings": [f.to_dict() for f in findings_of(run, metrics)]}
+        say_json(identity(run) | metrics.to_dict() | found)
     else:
         say(f"{heading(run)}, {run.controller}\n\n{axes_table(metrics)}\n\n{summary(metrics)}")
         for kind, path in files.items():
             say(f"{kind} saved to {path}")
-        if run.diverged:
-            say(f"DIVERGED: {run.metadata['reason']}")
-    return FAILED if run.diverged else OK
+        explain(run, metrics)
+    return OK if run.well else FAILED
 
 
 @verb(
@@ -114,9 +117,11 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     """Fly a scenario under several controllers, in the same weather, side by side.
 
     One seed is one weather: noise, gusts and true parameters are the same for all of them. Exit
-    code 1 says that a flight diverged.
+    code 1 says that a flight diverged or swings about its target.
     """
     warn_of_reach(arguments)
+    for name in arguments.controllers:
+        warn_of_loop(arguments, name, {})
     flights = [fly(arguments, name, {}, arguments.driver) for name in arguments.controllers]
     runs = [run for run, _ in flights]
     files = {}
@@ -136,7 +141,26 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
         say(f"{heading(runs[0])}\n\n{table(rows, header, left=2)}")
         for kind, path in files.items():
             say(f"\n{kind} saved to {path}")
-    return FAILED if any(run.diverged for run in runs) else OK
+        for run, metrics in flights:
+            explain(run, metrics)
+    return OK if all(run.well for run in runs) else FAILED
+
+
+def findings_of(run: Run, metrics: Metrics) -> list[Finding]:
+    """What was in the way of a flight that diverged, swings or has not settled."""
+    from fullam.analysis.diagnosis import diagnose
+
+    return diagnose(run) if len(run) and not (run.well and metrics.settled) else []
+
+
+def explain(run: Run, metrics: Metrics) -> None:
+    """Say how a flight that was not well went, and what was in its way."""
+    if not run.well:
+        say(f"\n{run.outcome.upper()}, {run.controller}: {run.metadata['reason']}")
+    elif not metrics.settled:
+        say(f"\nNOT SETTLED, {run.controller}")
+    for finding in findings_of(run, metrics):
+        say(f"- {finding}")
 
 
 def fly(
@@ -178,6 +202,24 @@ def warn_of_reach(arguments: argparse.Namespace) -> None:
         return  # what cannot be flown at all is told by the flight
     if found is not None:
         complain(f"out of reach: {found}")
+
+
+def warn_of_loop(arguments: argparse.Namespace, controller: str, settings: dict[str, Any]) -> None:
+    """Say before take-off if a law's loop has no margin, and what a strange estimator costs it."""
+    from fullam.analysis.margins import estimator_cost, margin_warning
+    from fullam.exceptions import FullamError
+    from fullam.simulation.simulate import prepare
+
+    try:
+        keywords = options.flight_arguments(arguments)
+        settings = options.controller_settings(controller, settings)
+        plan = prepare(arguments.scenario, controller, settings=settings, **keywords)
+        lines = estimator_cost(plan), margin_warning(plan)
+    except FullamError:
+        return  # what cannot be flown at all is told by the flight
+    for line in lines:
+        if line is not None:
+            complain(line)
 
 
 def has_rows(run: Run) -> bool:

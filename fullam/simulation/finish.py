@@ -52,8 +52,9 @@ def finish(
     out |= {name: column[:rows].copy() for name, column in changed.items()}
     if not all(plan.scenario.axes_mask):
         out |= _of_masked_axes(plan, out)
-    if outcome == "completed" and (swings := flight_swing(plan, out["pose"])) is not None:
-        outcome, reason = "oscillating", str(swings)
+    if outcome == "completed" and not touched:  # who was pulled about may swing
+        swings = flight_swing(plan, out["pose"])
+        outcome, reason = ("oscillating", str(swings)) if swings else (outcome, reason)
     metadata = {
         "format": FORMAT,
         "scenario": plan.scenario.to_dict(),

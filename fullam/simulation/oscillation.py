@@ -118,7 +118,9 @@ def swing(
     """
     centred = e - e.mean(axis=0) if len(e) >= LEAST_ROWS else np.zeros((1, 6))
     # No line is larger than sqrt(2) times the largest deviation: most flights need no spectrum.
-    may = controlled & (np.sqrt(2.0) * np.abs(centred).max(axis=0) > np.repeat(BANDS, 3))
+    may: NDArray[np.bool_] = controlled & (
+        np.sqrt(2.0) * np.abs(centred).max(axis=0) > np.repeat(BANDS, 3)
+    )
     if not may.any():
         return None
     frequencies = np.fft.rfftfreq(len(e), period)

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.hand_force import HandForce, Holds, felt, still_pushing
 from fullam.simulation.hands import force_after
 from fullam.simulation.interactive import InteractiveFlight
 from fullam.simulation.interventions import read_script
 from fullam.simulation.run import Run
+from fullam.simulation.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
 
 Array = NDArray[np.float64]
@@ -38,12 +40,15 @@ def refly(run: Run) -> Run:
     )
 
 
-def _refly_script(run: Run) -> Run:
-    script = run.script or {}
-    # The weather of a longer flight is another one: all of the plan is drawn again.
-    scenario = replace(run.scenario, duration=script["horizon"])
-    plan = prepare(
-        scenario,
+def plan_of(run: Run, scenario: Scenario | None = None) -> FlightPlan:
+    """What a record is the flight of, or would be in another scenario.
+
+    Raises:
+        UnknownName: Its law or its estimator is not registered here.
+        SettingsError: The law takes other settings here.
+    """
+    return prepare(
+        scenario or run.scenario,
         run.controller,
         vehicle=run.vehicle,
         seed=run.seed,
@@ -51,6 +56,12 @@ def _refly_script(run: Run) -> Run:
         settings=run.settings,
         simulation=run.simulation,
     )
+
+
+def _refly_script(run: Run) -> Run:
+    script = run.script or {}
+    # The weather of a longer flight is another one: all of the plan is drawn again.
+    plan = plan_of(run, replace(run.scenario, duration=script["horizon"]))
     flight = InteractiveFlight(plan, read_script(script["interventions"]))
     while flight.period < len(run) + run.diverged and flight.step():
         pass

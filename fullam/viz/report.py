@@ -23,6 +23,7 @@ from fullam.model.loading import load_vehicle
 from fullam.simulation.catalogue import CONFIGURATIONS
 from fullam.viz import campaign_figures, report_tables
 from fullam.viz.figures import save_figure
+from fullam.viz.report_lost import lost_section
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -165,7 +166,8 @@ intervals.</p>
 <p><code>{escape(result.command)}</code> · fullam {escape(fullam.__version__)}</p>
 <nav><a href="#claims">Claims</a><a href="#rival">dc-PID against Backstepping</a>
 <a href="#targets">Beyond the paper</a><a href="#recorded">The group’s recorded runs</a>
-<a href="#figures">Figures</a><a href="#how">How this was measured</a></nav>
+<a href="#lost">Lost flights</a><a href="#figures">Figures</a>
+<a href="#how">How this was measured</a></nav>
 {quick}{_tally(result)}{_plainly(result)}
 <h2 id="claims">The paper’s claims</h2>
 <p>A claim <i>holds</i> or <i>fails</i> only if the whole interval is on one side of what is asked,
@@ -182,6 +184,7 @@ for like: it has a Kalman filter, Backstepping the paper’s filter.)</p>
 {report_tables.targets_table(result)}
 <h2 id="recorded">The group’s recorded runs</h2>
 {_recorded_text(result)}{report_tables.recorded_table(result.recorded)}
+<h2 id="lost">Flights that were lost</h2>{lost_section(result)}
 <h2 id="figures">The paper’s figures</h2>{figures}
 <h2 id="how">How this was measured</h2>{_how(result)}
 <footer>Every number on this page is in <code>data/*.parquet</code> beside it, one row a
