@@ -242,7 +242,7 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
     ("arguments", "message"),
     [
         ([], "required: VERB"),
-        (["fly"], "invalid choice: 'fly'"),
+        (["glide"], "invalid choice: 'glide'"),
         (["run", "task-9"], "Did you mean 'task-"),
         (["run", "task-1", "--controller", "lqr"], "Known: .*dc-pid"),
         (["run", "task-1", "--vehicle", "x"], "Known: .*hextilt"),
