@@ -13,7 +13,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-import venv
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,7 @@ ROTOR_SPEED = 15_000.0
 
 def install() -> None:
     """Make the environment."""
-    venv.create(FOLDER, with_pip=True)
+    subprocess.run([sys.executable, "-m", "venv", str(FOLDER)], check=True)
     subprocess.run([str(PYTHON), "-m", "pip", "install", "--quiet", REQUIREMENT], check=True)
 
 

@@ -41,7 +41,13 @@ def test_first_flights(benchmark, meter, smoke, tmp_path):
         Row(FIRST, "and then a campaign, its lanes compiled", 0.0, value=other["campaign"]),
         Row(FIRST, "one flight, from disk", 0.0, value=warm["flight"], unit="s"),
         Row(FIRST, "and then a campaign, from disk", 0.0, value=warm["campaign"]),
-        Row("First compile of one law", "share of what it took before", 0.0, value=first),
+        Row(
+            "First compile of one law",
+            "share of what it took before",
+            0.0,
+            value=first,
+            unit="of it",
+        ),
     ]
     compiled, from_disk = rows[6], rows[4]
     compiled.promise, compiled.must, compiled.aim = (

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from fullam.control.estimators import estimator_names
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
+    from fullam.simulation.free import fly
     from fullam.simulation.many import fly_many
     from fullam.simulation.refly import refly
     from fullam.simulation.settings import SimulationSettings
@@ -55,6 +56,7 @@ LATER = {
     "fullam.control.estimators": ("estimator_names",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
+    "fullam.simulation.free": ("fly",),
     "fullam.simulation.many": ("fly_many",),
     "fullam.simulation.refly": ("refly",),
     "fullam.simulation.settings": ("SimulationSettings",),
@@ -105,6 +107,7 @@ __all__ = [
     "design_vehicle",
     "estimator_names",
     "explore",
+    "fly",
     "fly_many",
     "load_scenario",
     "load_vehicle",

@@ -25,7 +25,7 @@ from fullam.analysis.contender import Contender
 from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.provenance import cached_vehicle
 from fullam.checks import Checker, shown
-from fullam.control.controllers import controller_class, register
+from fullam.control.controllers import controller_class, recommended_estimator, register
 from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
@@ -170,6 +170,7 @@ class Campaign:
         found: dict[str, type] = {}
         for contender in self.contenders:
             estimator = contender.estimator or self.simulation.estimator
+            estimator = estimator or recommended_estimator(contender.controller)
             found[f"controller {contender.controller}"] = controller_class(contender.controller)
             found[f"estimator {estimator}"] = estimator_class(estimator)
         return {name: cls for name, cls in found.items() if not provenance.is_ours(cls)}
@@ -226,7 +227,7 @@ class Campaign:
             scenario = next(s for s in self.scenarios if s.name == name)
             contender = next(c for c in self.contenders if c.label == label)
             plan, seeds = self.plan(scenario, contender), [seed for _, _, seed in group]
-            estimator = plan.simulation.estimator
+            estimator = str(plan.simulation.estimator)  # by its name, in a plan
             for flights in fly_judged(
                 plan, seeds, self.drivers[label], threads=threads, trace_every=trace_every
             ):

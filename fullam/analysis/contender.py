@@ -19,7 +19,7 @@ class Contender:
     Attributes:
         controller: Name of a registered controller.
         settings: Settings that differ from its defaults, or "tuned" for the committed ones.
-        estimator: Name of an estimator; None takes the campaign's.
+        estimator: Name of an estimator; None takes the campaign's, or else the controller's own.
         label: Name of its rows; made from the others if empty.
     """
 

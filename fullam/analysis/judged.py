@@ -39,18 +39,19 @@ FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
 """What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
 
 
-def driver_of(controller: str, estimator: str, driver: str = FASTEST) -> str:
+def driver_of(controller: str, estimator: str | None, driver: str = FASTEST) -> str:
     """The driver that is meant: machine code where law and estimator are written as kernels.
 
     Args:
         controller: Name of the controller.
-        estimator: Name of the estimator.
+        estimator: Name of the estimator; None for the controller's own.
         driver: One of `DRIVERS`, or `FASTEST`.
 
     Raises:
         UnknownName: No such controller, estimator or driver.
     """
-    law, filtering = controller_class(controller), estimator_class(estimator)
+    law = controller_class(controller)
+    filtering = estimator_class(estimator or law.estimator)
     if driver in DRIVERS:
         return driver
     if driver != FASTEST:
@@ -155,7 +156,9 @@ def _fly_by_python(plan: FlightPlan, seed: int, judge: Judge, trace_every: int) 
         return Judged((seed,), ("failed",), (str(error),), unknown, traces)
     figures = figures_of(judge, run, plan.nominal.rotors.k_f)
     traces = _traces(run.pose[..., None], [len(run)], trace_every)
-    return Judged((seed,), (run.outcome,), (run.metadata["reason"],), figures, traces)
+    # As machine code tells it: in a campaign the figures say how a flight swings.
+    ended = ("diverged", run.metadata["reason"]) if run.diverged else ("completed", "")
+    return Judged((seed,), ended[:1], ended[1:], figures, traces)
 
 
 def _ended(block: Block, lane: int, seed: int) -> tuple[int, str, str]:

@@ -6,17 +6,17 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from fullam.control.controllers import recommended_estimator
 from fullam.exceptions import UnknownName
-from fullam.simulation.settings import SimulationSettings
 
 TUNED = Path(__file__).parent / "tuned"
 """Their folder."""
 
 
 def contender_name(controller: str, estimator: str | None) -> str:
-    """CONTROLLER with the default estimator, else CONTROLLER@ESTIMATOR."""
-    default = SimulationSettings().estimator
-    return controller if estimator in (None, default) else f"{controller}@{estimator}"
+    """CONTROLLER with the estimator that it is made for, else CONTROLLER@ESTIMATOR."""
+    own = recommended_estimator(controller)
+    return controller if estimator in (None, own) else f"{controller}@{estimator}"
 
 
 def tuned_names() -> tuple[str, ...]:

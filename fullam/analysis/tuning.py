@@ -37,7 +37,7 @@ from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.prices import Prices
 from fullam.analysis.provenance import cached_vehicle
 from fullam.analysis.tuned_gains import contender_name
-from fullam.control.controllers import make_settings
+from fullam.control.controllers import make_settings, recommended_estimator
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
 from fullam.simulation.scenario import AXES, load_scenario
@@ -233,7 +233,7 @@ def tune(
 
     Args:
         controller: Name of a controller in `SEARCH_SPACES`.
-        estimator: What it flies with; the default one if None.
+        estimator: What it flies with; the one that it is made for if None.
         budget: Candidates, each flown on all of `TRAINING`; the defaults are the first.
         seed: Seed of the optimiser.
         jobs: Threads of this process; for laws and estimators that are no kernels, processes. The
@@ -251,7 +251,7 @@ def tune(
             under other conditions; or a vehicle was edited meanwhile.
         MissingDependency: The optimiser is not installed.
     """
-    estimator = estimator or SimulationSettings().estimator
+    estimator = estimator or recommended_estimator(controller)
     driver = driver_of(controller, estimator, driver)
     if controller not in SEARCH_SPACES:
         raise UnknownName("tunable controller", controller, SEARCH_SPACES)

@@ -115,7 +115,7 @@ def continued(where: str) -> Iterator[None]:
         "--runs", type=options.runs, default=100, metavar="N", help="seeds 0 to N-1 (default: 100)"
     ),
     argument("--tuned", action="store_true", help="the committed tuned gains, not the defaults"),
-    argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
+    argument("--estimator", metavar="NAME", help="state estimator (default: each law's own)"),
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
     argument("--no-gusts", action="store_true", help="the weather without its gusts"),
     argument("--traces", action="store_true", help="keep every motion, at 25 Hz"),

@@ -113,7 +113,7 @@ FLIGHT = (
     argument("--vehicle", metavar="V", help="another vehicle than the scenario's: name or TOML"),
     argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
-    argument("--estimator", metavar="NAME", help="state estimator (default: first-order)"),
+    argument("--estimator", metavar="NAME", help="state estimator (default: the controller's own)"),
     argument(
         "--governor", metavar="on|off", help="take the target's tilt back while force is short"
     ),

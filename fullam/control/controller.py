@@ -63,6 +63,7 @@ class Controller(ABC):
     Attributes:
         name: The name it is known under.
         Settings: Frozen dataclass of its settings, all of them JSON values.
+        estimator: Name of the estimator that it is made for: flown unless another one is asked for.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
         attitude: R_WA of the measurement of the last tick, shape (3, 3), for whoever turns the
@@ -72,6 +73,7 @@ class Controller(ABC):
 
     name: ClassVar[str]
     Settings: ClassVar[type]
+    estimator: ClassVar[str] = "first-order"
     attitude: Array | None = None
 
     def __init__(

@@ -51,6 +51,15 @@ def controller_class(name: str) -> type[Controller]:
     return CONTROLLERS[name]
 
 
+def recommended_estimator(name: str) -> str:
+    """Name of the estimator that the controller `name` is made for.
+
+    Raises:
+        UnknownName: No such controller; the message lists the known ones.
+    """
+    return controller_class(name).estimator
+
+
 def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
     """Settings of the controller `name`, its defaults with some of them changed.
 

@@ -312,6 +312,7 @@ class DcPidPlus(DcPid):
 
     name = "dc-pid-plus"
     Settings = DcPidPlusSettings
+    estimator = "kalman"
     settings: DcPidPlusSettings
 
     @property

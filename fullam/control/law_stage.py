@@ -29,19 +29,21 @@ class LawStage:
         self._law, self._as_kernels = law, flies_as_kernels(type(law))
         self._measurement, self._reference = Measurement(law.vehicle), ReferencePoint()
         self.t: float | None = None
+        self._begins = True
 
     def command(self, view: Any, k: int) -> None:
         """Ask for a wrench, given a `CommandView` whose joints are `JointMotion`s."""
         law, estimate, target = self._law, view.estimate[0], view.target[0]
         motions = view.joints[k * int(view.joint_rows[0])]
+        begins, self._begins = k == 0 or self._begins, False
         if self._as_kernels:
             assert isinstance(law, KernelLaw)
-            if k == 0:
+            if begins:
                 law.forget()
             view.command[0] = law.command(law.chain(motions), estimate, target)
             return
         self._tell(estimate, target, motions)
-        if k == 0:
+        if begins:
             law.reset(self._measurement, self._reference)
         t = k * law.period if self.t is None else self.t
         wrench = law.wrench(t, self._measurement, self._reference)

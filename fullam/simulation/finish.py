@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import platform
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.oscillation import flight_swing
 from fullam.simulation.run import COLUMNS, FORMAT, Run
 from fullam.version import __version__, version_of
 
@@ -24,6 +27,7 @@ def finish(
     outcome: str,
     reason: str,
     driver: str = "python",
+    touched: Mapping[str, Any] | None = None,
 ) -> Run:
     """Turn what the stages wrote into a run.
 
@@ -31,16 +35,21 @@ def finish(
         plan: What was flown.
         log: Columns named as the fields of `stages.Entry` and `stages.RotorEntry`.
         rows: How many rows are written.
-        outcome: "completed", "diverged" or "flying".
+        outcome: "completed", "diverged" or "flying"; what completed may turn out "oscillating".
         reason: Why it diverged.
         driver: Which driver flew it.
+        touched: Columns that are not the plan's because a hand changed them, and more metadata
+            under "metadata".
     """
+    changed = dict(touched or {})
+    more = changed.pop("metadata", {})
     out = {name: column[:rows].copy() for name, column in log.items()}
     out["t"] = plan.t[:rows].copy()
     arm_rows = plan.arm_row(1) * np.arange(rows)
     out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
     out["reference_pose"] = plan.asked.pose[:rows].copy()
     out["disturbance"] = plan.forecast.disturbance[:rows].copy()
+    out |= {name: column[:rows].copy() for name, column in changed.items()}
     R_true = quaternion_rotation(out["pose"][:, 3:])
     R_told = quaternion_rotation(out["measured_pose"][:, 3:])
     out["velocity"] = _turn(R_true, out.pop("twist"))
@@ -56,6 +65,8 @@ def finish(
     out["delivered"] = out["command"] + _turn(R_thrust, out["residual"])
     rotor_A = np.square(out["rotor_speeds"]) @ plan.true.rotors.coupling_matrix.T
     out["rotor_wrench"] = _turn(R_true, rotor_A)
+    if outcome == "completed" and (swings := flight_swing(plan, out["pose"])) is not None:
+        outcome, reason = "oscillating", str(swings)
     metadata = {
         "format": FORMAT,
         "scenario": plan.scenario.to_dict(),
@@ -69,6 +80,7 @@ def finish(
         "reason": reason,
         "driver": driver,
         "versions": _versions(driver),
+        **more,
     }
     return Run({name: out[name] for name in COLUMNS}, metadata)
 

@@ -46,6 +46,8 @@ class Flight:
         estimator: The estimator.
         stages: Name to (function, view): what each control period calls, in order. A study may put
             another function in the place of one.
+        block: The rows that it flies on.
+        lists: The same as Python reads them.
         outcome: "flying", "completed" or "diverged".
         reason: Why it diverged.
         ticks_flown: Rows of the record that are written.
@@ -57,7 +59,7 @@ class Flight:
         block = Block(Tables(plan))
         block.begin()
         block.load(plan)
-        self._block, self._lists = block, Lists()
+        self.block, self.lists = block, Lists()
         self.controller: Controller = block.law
         self.estimator: Estimator = block.estimator
         self.stages = self._stages(block)
@@ -65,7 +67,7 @@ class Flight:
         self.ticks_flown = 0
 
     def _stages(self, block: Block) -> dict[str, PythonStage]:
-        look, t = self._lists.of, block.tables
+        look, t = self.lists.of, block.tables
         law, estimator = LawStage(block.law), EstimateStage(block.estimator, self.plan)
         rule = integrator(self.plan.simulation.integrator).step
         rate = PinocchioRate(self.plan.true)
@@ -86,21 +88,30 @@ class Flight:
 
     def ticks(self) -> Iterator[int]:
         """Fly; yields the number of each period once its row is written and it is flown."""
-        status, last = self._lists.of(self._block.status), len(self.plan.t) - 1
-        for k in range(len(self.plan.t)):
-            for name, (stage, view) in self.stages.items():
-                if k < last or name != "move":
-                    stage(view, k)
-                if status[0].end <= k:
-                    self._end(k, status[0].cause)
-                    return
-            self.ticks_flown = k + 1
-            yield k
-        self.outcome = "completed"
+        while self.step():
+            yield self.ticks_flown - 1
+
+    def step(self) -> bool:
+        """Fly the next period; whether there was one to fly, and its row is written."""
+        k, last = self.ticks_flown, len(self.plan.t) - 1
+        if self.outcome != "flying":
+            return False
+        if k > last:
+            self.outcome = "completed"
+            return False
+        status = self.lists.of(self.block.status)
+        for name, (stage, view) in self.stages.items():
+            if k < last or name != "move":
+                stage(view, k)
+            if status[0].end <= k:
+                self._end(k, status[0].cause)
+                return False
+        self.ticks_flown = k + 1
+        return True
 
     def _end(self, k: int, cause: float) -> None:
         if cause == NOT_FINITE:
-            command = self._lists.of(self._block.command)[0]
+            command = self.lists.of(self.block.command)[0]
             raise NonFiniteWrench(np.array(flat(command.wrench)))
         self.outcome = "diverged"
         self.reason = divergence(self.plan, k, self.pose) or "not finite"
@@ -110,33 +121,33 @@ class Flight:
     @property
     def pose(self) -> Array:
         """True pose now, [p, quaternion xyzw], shape (7,)."""
-        return np.array([*flat(self._lists.of(self._block.state)[0].pose)])
+        return np.array([*flat(self.lists.of(self.block.state)[0].pose)])
 
     @property
     def twist(self) -> Array:
         """True [v_A, w_A] now, body axes, shape (6,)."""
-        return np.array([*flat(self._lists.of(self._block.state)[0].twist)])
+        return np.array([*flat(self.lists.of(self.block.state)[0].twist)])
 
     @property
     def rotor_speeds(self) -> Array:
         """True rotor speeds now, shape (n_r,) [rad/s]."""
-        return np.array(self._lists.of(self._block.speeds))
+        return np.array(self.lists.of(self.block.speeds))
 
     @property
     def estimate(self) -> Estimate:
         """What the law was told last."""
-        told: Estimate = self._lists.of(self._block.estimate)[0]
+        told: Estimate = self.lists.of(self.block.estimate)[0]
         return told
 
     @property
     def saturated(self) -> bool:
         """Whether bounds kept the last command from being delivered."""
-        return bool(self._lists.of(self._block.delivery)[0].saturated > 0.0)
+        return bool(self.lists.of(self.block.delivery)[0].saturated > 0.0)
 
     def run(self) -> Run:
         """The record so far; columns that follow from others are computed here, at once."""
-        self._lists.write_back()
-        log = self._block.columns()
+        self.lists.write_back()
+        log = self.block.columns()
         return finish(self.plan, log, self.ticks_flown, self.outcome, self.reason)
 
 
@@ -147,16 +158,18 @@ class EstimateStage:
         """Begin anew."""
         self._estimator, self._as_kernel = estimator, flies_as_kernel(type(estimator))
         self._measurement = Measurement(plan.nominal)
+        self._begins = True
 
     def __call__(self, view: Any, k: int) -> None:
         """See `stages`."""
         estimator, readings = self._estimator, view.readings[0]
+        begins, self._begins = k == 0 or self._begins, False
         if self._as_kernel:
             assert isinstance(estimator, KernelEstimator)
             view.estimate[0] = estimator.estimate(readings)
             return
         m = self._measurement
-        if k == 0:
+        if begins:
             estimator.reset(readings)
         estimator.update(readings, m)
         pose = record(Pose, m.q[:7])

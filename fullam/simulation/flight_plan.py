@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
-from fullam.control.controllers import controller_class
+from fullam.control.controllers import controller_class, recommended_estimator
 from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.exceptions import ScenarioError
@@ -44,7 +44,7 @@ class FlightPlan:
         nominal: The vehicle as the controller knows it.
         controller: Name of the controller.
         settings: Its settings.
-        simulation: Rates, integrator and sensors.
+        simulation: Rates, integrator and sensors; the estimator by its name.
         weather: Statistics of what spoils the flight.
         seed: Seed of the draw.
         t: Control grid [s], shape (N,).
@@ -91,6 +91,7 @@ class FlightPlan:
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
         simulation.check_length(scenario.duration)
+        simulation = simulation.with_estimator(recommended_estimator(controller))
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
@@ -195,6 +196,7 @@ def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: fl
         pose_every=simulation.pose_every,
         gravity=gravity,
     )
+    assert simulation.estimator is not None, "FlightPlan.prepare names it"
     cls = estimator_class(simulation.estimator)
     settings = make_estimator_settings(simulation.estimator, simulation.estimator_settings)
     return cls(sheet, settings, simulation.control_period)

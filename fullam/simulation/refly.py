@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.simulation.hand_force import HandForce, Holds, felt, still_pushing
+from fullam.simulation.hands import force_after
+from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.interventions import read_script
 from fullam.simulation.run import Run
-from fullam.simulation.simulate import simulate
+from fullam.simulation.simulate import prepare, simulate
+
+Array = NDArray[np.float64]
 
 
 def refly(run: Run) -> Run:
     """Fly the same flight again from its record alone; equal versions give equal bits.
 
-    A true vehicle that somebody put in (`FlightPlan.with_true`) is in no record: the seed's flies.
+    What hands did to it is done again. A true vehicle that somebody put in
+    (`FlightPlan.with_true`) is in no record: the seed's flies.
     """
+    if run.script is not None:
+        return _refly_script(run)
     return simulate(
         run.scenario,
         run.controller,
@@ -22,3 +36,37 @@ def refly(run: Run) -> Run:
         settings=run.settings,
         simulation=run.simulation,
     )
+
+
+def _refly_script(run: Run) -> Run:
+    script = run.script or {}
+    # The weather of a longer flight is another one: all of the plan is drawn again.
+    scenario = replace(run.scenario, duration=script["horizon"])
+    plan = prepare(
+        scenario,
+        run.controller,
+        vehicle=run.vehicle,
+        seed=run.seed,
+        weather=run.weather,
+        settings=run.settings,
+        simulation=run.simulation,
+    )
+    flight = InteractiveFlight(plan, read_script(script["interventions"]))
+    while flight.period < len(run) + run.diverged and flight.step():
+        pass
+    return flight.record
+
+
+def hand_forces(run: Run) -> Array:
+    """What hands pulled with: [point of the vehicle, force], world axes, shape (N, 6) [m, N]."""
+    out = np.zeros((len(run), 6))
+    script = read_script(run.script["interventions"]) if run.script else []
+    acts = [done for done in script if done.kind in ("push", "pull", "release")]
+    holds, force, step = Holds(run.vehicle), HandForce(), run.simulation.control_period
+    for k in range(acts[0].period, len(run)) if acts else ():
+        while acts and acts[0].period <= k:
+            force = force_after(force, acts.pop(0), k, step)
+        force = still_pushing(force, k)
+        now = felt(force, holds, run.pose[k], run.arm[k])
+        out[k] = [*now.foot, *now.pull]
+    return out

@@ -192,8 +192,13 @@ class Run:
 
     @property
     def outcome(self) -> str:
-        """How it ended: "completed" or "diverged"."""
+        """How it went: "completed", "oscillating" (see `oscillation`) or "diverged"."""
         return str(self.metadata["outcome"])
+
+    @property
+    def script(self) -> dict[str, Any] | None:
+        """What hands did to it, if they did: "interventions", and the plan's "horizon" [s]."""
+        return self.metadata.get("script")
 
     @property
     def driver(self) -> str:
@@ -204,6 +209,16 @@ class Run:
     def diverged(self) -> bool:
         """Whether the flight ended early because it left the bounds of sense."""
         return self.outcome == "diverged"
+
+    @property
+    def oscillating(self) -> bool:
+        """Whether it came to its end swinging about what was asked of it."""
+        return self.outcome == "oscillating"
+
+    @property
+    def well(self) -> bool:
+        """Whether it completed, and did not swing."""
+        return self.outcome == "completed"
 
     def save(self, path: str | Path) -> Path:
         """Write the run to one `.npz` file, atomically.

@@ -19,10 +19,11 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.checks import Checker, shown
+from fullam.checks import Checker, Range, shown
 from fullam.exceptions import FullamError, RunFileError
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.interventions import read_script
+from fullam.simulation.scenario import LONGEST, Scenario
 from fullam.simulation.settings import MOST_TICKS, SimulationSettings
 from fullam.simulation.weather import Weather
 
@@ -48,6 +49,7 @@ UNREADABLE = (
 """What zipfile, zlib, NumPy (its header is Python text) and JSON raise on a damaged file."""
 
 TABLES = ("scenario", "vehicle", "settings", "simulation", "weather", "versions")
+OUTCOMES = ("completed", "oscillating", "diverged")
 QUATERNIONS = ("pose", "measured_pose", "reference_pose")
 
 
@@ -179,9 +181,9 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         check.text(name, metadata[name])
     check.text("reason", metadata["reason"], prose=True)
     check.whole("seed", metadata["seed"])
-    if metadata["outcome"] not in ("completed", "diverged"):
+    if metadata["outcome"] not in OUTCOMES:
         problem = f"is {shown(metadata['outcome'])}"
-        raise check.refuse("outcome", problem, "a flight is completed or diverged")
+        raise check.refuse("outcome", problem, f"a flight is one of {', '.join(OUTCOMES)}")
     try:
         scenario = Scenario.from_dict(metadata["scenario"])
         simulation = SimulationSettings.from_dict(metadata["simulation"])
@@ -189,6 +191,8 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         vehicle = Vehicle.from_data(metadata["vehicle"])
     except FullamError as error:
         raise check.refuse("metadata", str(error).rstrip("."), "save the run again") from error
+    if "script" in metadata:
+        _check_script(metadata["script"], scenario.duration, check)
     rows = arrays["t"].size
     for name, width, count in (
         ("arm", vehicle.n_arm, arrays["arm"].shape[1]),
@@ -197,12 +201,23 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         if width != count:
             raise check.refuse(name, f"has {count} columns", f"the vehicle has {width}")
     ticks = round(scenario.duration / simulation.control_period) + 1
-    if rows > ticks or (rows < ticks and metadata["outcome"] == "completed"):
+    if rows > ticks or (rows < ticks and metadata["outcome"] != "diverged"):
         raise check.refuse("t", f"has {rows} rows", f"the whole flight has {ticks} ticks")
     # Times are k times the period, to the last bit but one.
     due = np.arange(rows) * simulation.control_period
     if not np.allclose(arrays["t"], due, rtol=1e-12, atol=0.0):
         raise check.refuse("t", "does not go in steps of control_period", "save the run again")
+
+
+def _check_script(script: Any, duration: float, check: Checker) -> None:
+    """What hands did is in order, and the flight was meant to last as long at least."""
+    table = check.table("script", script)
+    check.known(table, ("horizon", "interventions"))
+    check.number("horizon", table.get("horizon"), Range(duration, LONGEST, "s"))
+    try:
+        read_script(table.get("interventions"))
+    except FullamError as error:
+        raise check.refuse("script", str(error).rstrip("."), "save the run again") from error
 
 
 def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Checker) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,8 @@ class SimulationSettings:
         integrator: "midpoint" (order 2), "rk4" (order 4) or "semi-implicit-euler" (order 1).
         pose_period: Time between poses from the pose sensor [s]; a multiple of the control period.
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
-        estimator: Name of the estimator.
+        estimator: Name of the estimator; None takes the one that the controller is made for, by
+            whose name it then stands in the plan and in the record.
         estimator_settings: Those of the estimator's settings that differ from its defaults.
         governor: Takes the target's tilt back while force is short; "off" for none, a mapping
             for other settings than the default ones.
@@ -54,7 +55,7 @@ class SimulationSettings:
     integrator: str = "midpoint"
     pose_period: float | None = None
     delay: float = 0.0
-    estimator: str = "first-order"
+    estimator: str | None = None
     estimator_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     governor: Any = field(default_factory=Governor)
     max_position_error: float = 5.0
@@ -67,7 +68,8 @@ class SimulationSettings:
         for name, numbers in RANGES.items():
             object.__setattr__(self, name, CHECK.number(name, getattr(self, name), numbers))
         integrator(CHECK.text("integrator", self.integrator))
-        estimator_class(CHECK.text("estimator", self.estimator))
+        if self.estimator is not None:
+            estimator_class(CHECK.text("estimator", self.estimator))
         self._own_estimator_settings()
         object.__setattr__(self, "governor", _governor(self.governor))
         self._multiple("control_period", self.control_period, "plant_period", self.plant_period)
@@ -76,11 +78,20 @@ class SimulationSettings:
             self._multiple("delay", self.delay, "control_period", self.control_period)
 
     def _own_estimator_settings(self) -> None:
-        """Copy them, lists as tuples, and see whether the estimator takes them."""
+        """Copy them, lists as tuples, and see whether an estimator that is named takes them."""
         given = CHECK.table("estimator_settings", self.estimator_settings)
         changes = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
-        make_estimator_settings(self.estimator, changes)
+        if self.estimator is not None:
+            make_estimator_settings(self.estimator, changes)
         object.__setattr__(self, "estimator_settings", changes)
+
+    def with_estimator(self, name: str) -> SimulationSettings:
+        """These settings, with the estimator of that name where they name none.
+
+        Raises:
+            SettingsError: It does not take the estimator's settings that are given.
+        """
+        return self if self.estimator is not None else replace(self, estimator=name)
 
     def check_length(self, duration: float) -> None:
         """Refuse a flight whose tables would fill the memory.

@@ -8,7 +8,7 @@ Python driver, where Pinocchio is the dynamics and the law's model: the same to 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 
 import numpy as np
@@ -19,7 +19,6 @@ from fullam.control.controllers import controller_names
 from fullam.control.estimators import estimator_names
 from fullam.dynamics.integrators import INTEGRATORS
 from fullam.model.loading import load_vehicle, vehicle_names
-from fullam.model.rotors import COLUMNS as ROTOR_DATA
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.numbers.program import program
@@ -74,7 +73,9 @@ def one_rotor_more():
     """31 rotors, the most that a search of the active set takes: an uneven number."""
     vehicle = fullam.design_vehicle("fullam", "31 rotors", rotor_count=30)
     r = vehicle.rotors
-    last = {name: np.append(getattr(r, name), getattr(r, name)[:1], axis=0) for name in ROTOR_DATA}
+    columns = {f.name: getattr(r, f.name) for f in fields(r)}
+    columns = {name: c for name, c in columns.items() if isinstance(c, np.ndarray)}
+    last = {name: np.append(column, column[:1], axis=0) for name, column in columns.items()}
     last["positions"][-1], last["axes"][-1] = (0.0, 0.0, 0.05), (0.0, 0.0, 1.0)
     return replace(vehicle, rotors=replace(r, names=(*r.names, "middle"), **last))
 

@@ -16,7 +16,7 @@ from fullam.simulation import fused
 from fullam.simulation.fused import Fused, run_of
 from fullam.simulation.many import fly_blocks, fly_many
 from fullam.simulation.run import COLUMNS
-from fullam.simulation.simulate import prepare
+from fullam.simulation.simulate import fly_by_python, prepare
 from fullam.simulation.tables import Tables
 
 
@@ -128,6 +128,20 @@ def test_four_threads_at_once_fly_what_one_does(plan, singles):
     for first, runs in enumerate(shared):
         for a, b in zip(runs, singles[first::4], strict=True):
             assert_same_bits(a, b)
+
+
+def test_python_flies_a_plan_in_four_threads_at_once(plan):
+    """Nothing that is written belongs to the plan."""
+    start = threading.Barrier(4)
+
+    def fly(seed):
+        start.wait(10.0)
+        return fly_by_python(plan.with_seed(seed))
+
+    with ThreadPoolExecutor(4) as pool:
+        runs = list(pool.map(fly, range(4)))
+    for seed, run in enumerate(runs):
+        assert_same_bits(run, fly_by_python(plan.with_seed(seed)))
 
 
 def test_tables_of_a_plan_are_the_same_whoever_asks_first(plan):

@@ -249,9 +249,11 @@ def test_settings_of_estimators_are_checked_at_once():
     assert SimulationSettings.from_dict(json.loads(json.dumps(settings.to_dict()))) == settings
     assert hash(replace(settings, estimator_settings={})) == hash(settings)
     with pytest.raises(SettingsError, match=r"'first-order'.*speed: is no setting of it.*cutoff"):
-        SimulationSettings(estimator_settings={"speed": 3.0})
+        SimulationSettings(estimator="first-order", estimator_settings={"speed": 3.0})
     with pytest.raises(SettingsError, match="cutoff"):
-        SimulationSettings(estimator_settings={"cutoff": -1.0})
+        SimulationSettings(estimator="first-order", estimator_settings={"cutoff": -1.0})
+    with pytest.raises(SettingsError, match=r"'kalman'.*cutoff: is no setting of it"):
+        fullam.prepare("task-1", "dc-pid-plus", simulation={"estimator_settings": {"cutoff": 9.0}})
     with pytest.raises(ScenarioError, match="estimator_settings"):
         SimulationSettings(estimator_settings=[1.0])
 

@@ -34,9 +34,26 @@ def run():
 
 
 @pytest.fixture(scope="module")
-def chromium():
+def opened():
     with Browser(*SIZE, network=False) as browser:
         yield browser
+
+
+@pytest.fixture
+def chromium(opened):
+    """The browser; a test during which a page complains of anything has failed."""
+    yield opened
+    opened.evaluate("1")  # what happened before has been told by now
+    complaints, opened.complaints = opened.complaints, []
+    assert complaints == []
+
+
+def trail_points(chromium, vehicle=1):
+    """Points of a trail that are drawn: each but the first brings ten triangles."""
+    node = f"fullam.viewer.scene_tree.find(['vehicle_{vehicle}', 'trail']).object.children[0]"
+    drawn = chromium.evaluate(f"{node}.geometry.drawRange.count")
+    assert drawn % 30 == 0
+    return drawn // 30 + 1
 
 
 def pixels(picture):
@@ -72,10 +89,18 @@ def test_the_live_page_moves_while_it_flies(chromium):
         )
         title = chromium.evaluate("document.getElementById('title').textContent")
         assert title == "task-2 · dc-pid"
+        # One point a frame, but for those within 2 mm of the one before.
+        assert 10 < trail_points(chromium) <= chromium.evaluate("fullam.state.frames")
+        # A page that comes late is told of the past, and adds the frame it was sent last.
+        chromium.open(server.url)
+        assert trail_points(chromium) - len(server._trails[0]) in (0, 1)
         # Over: the page replays the record.
         server.play(film(reports[0].run))
         chromium.wait_for("fullam.state.playing && fullam.state.time < 8")
         chromium.evaluate("fullam.play(false)")
+        for second in (0, 3, 12):
+            chromium.evaluate(f"fullam.seek({second})")
+            assert trail_points(chromium) == 30 * second + 1
 
 
 @needs_chromium
@@ -103,6 +128,41 @@ def test_the_written_page_plays_without_a_network(chromium, run, tmp_path):
     chromium.evaluate(f"fullam.seek({3.5 / movie.rate})")
     middle = 0.5 * (movie.frames[3, 1:4] + movie.frames[4, 1:4])
     np.testing.assert_allclose(chromium.evaluate(PLATFORM), middle, atol=1e-5)
+
+
+@needs_chromium
+def test_a_film_draws_the_trail_up_to_now(chromium, run, tmp_path):
+    movie = film([run, run], rate=20.0)
+    chromium.open(write_html(movie, tmp_path / "flights.html"))
+    chromium.evaluate("fullam.play(false)")
+    for k in (0, 1, 13, 20):
+        chromium.evaluate(f"fullam.seek({(k + 0.01) / movie.rate})")
+        assert [trail_points(chromium, vehicle) for vehicle in (1, 2)] == [k + 1, k + 1]
+    # More points than a live trail remembers.
+    scene = "JSON.parse(JSON.stringify(fullam.scene))"
+    chromium.evaluate(
+        f"fullam.load({scene}); (() => {{ const n = 7000, w = {movie.frames.shape[1]};"
+        " const a = new Uint8Array(4 * n * w); let t = '';"
+        " for (let i = 0; i < a.length; i += 8192)"
+        " t += String.fromCharCode(...a.subarray(i, i + 8192));"
+        " fullam.film({ fps: 100, count: n, width: w, data: btoa(t) }); fullam.seek(69); })()"
+    )
+    assert trail_points(chromium) == 6901
+
+
+@needs_chromium
+def test_what_a_page_complains_of_is_kept(opened, tmp_path):
+    page = tmp_path / "bad.html"
+    page.write_text(
+        "<script>var fullam = {state: {ready: 1}}; console.error('bad', 7);"
+        " setTimeout(() => nobody.knows());</script><img src='missing.png'>"
+    )
+    opened.open(page)
+    opened.wait_for("document.readyState === 'complete' && performance.now() > 200")
+    complaints, opened.complaints = opened.complaints, []
+    assert [c for c in complaints if "console.error: bad 7" in c]
+    assert [c for c in complaints if "nobody is not defined" in c]
+    assert [c for c in complaints if "missing.png" in c]
 
 
 @needs_chromium

@@ -224,3 +224,16 @@ def test_the_attainable_forces_are_drawn_on_request_in_the_scale_of_the_arrows()
     assert points[:, 2].max() >= lift * arrow * (1.0 - 1e-6)
     flat = portrait(fullam.load_vehicle("quadrotor_arm"), forces=True).scene["vehicles"][0]
     assert not any(shape["path"].endswith("/forces") for shape in flat["shapes"])
+
+
+def test_records_side_by_side_are_told_apart_by_their_seeds():
+    data = fullam.load_scenario("task-2").to_dict() | {"duration": 0.05}
+    scenario = fullam.Scenario.from_dict(data)
+    pair = [fullam.simulate(scenario, seed=seed) for seed in (3, 7)]
+    scene = film(pair).scene
+    assert scene["details"] == "fullam · paper weather, seeds 3 and 7"
+    assert [v["label"] for v in scene["vehicles"]] == ["dc-pid, seed 3", "dc-pid, seed 7"]
+    other = fullam.simulate(scenario, "pid", calm=True)
+    scene = film([pair[0], other]).scene
+    assert scene["details"] == "fullam · paper weather, seed 3 and calm weather"
+    assert [v["label"] for v in scene["vehicles"]] == ["dc-pid", "pid"]

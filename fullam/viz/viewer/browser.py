@@ -63,6 +63,8 @@ class Browser:
 
     Attributes:
         version: What it says it is.
+        complaints: What pages wrote to the console as an error, threw and did not catch, or failed
+            to load; in the order in which it came.
     """
 
     def __init__(self, width: int = 1200, height: int = 750, *, network: bool = True) -> None:
@@ -100,6 +102,7 @@ class Browser:
         os.close(to_child)
         os.close(from_child)
         self._buffer, self._number, self._session = b"", 0, None
+        self.complaints: list[str] = []
         try:
             self.version = self.command("Browser.getVersion")["product"]
             targets = self.command("Target.getTargets")["targetInfos"]
@@ -108,7 +111,8 @@ class Browser:
                 "Target.attachToTarget", targetId=page["targetId"], flatten=True
             )
             self._session = attached["sessionId"]
-            self.command("Page.enable")
+            for domain in ("Page", "Runtime", "Log"):
+                self.command(f"{domain}.enable")
             self.resize(width, height)
         except BaseException:
             self.close()
@@ -133,10 +137,25 @@ class Browser:
             answer = json.loads(self._receive(until, method))
             if answer.get("id") == self._number:
                 break
+            self._hear(answer)
         if "error" in answer:
             raise BrowserError(f"Chromium refused '{method}': {answer['error'].get('message')}")
         result: dict[str, Any] = answer["result"]
         return result
+
+    def _hear(self, event: dict[str, Any]) -> None:
+        """Keep what an event complains of."""
+        method, what = event.get("method"), event.get("params", {})
+        if method == "Runtime.exceptionThrown":
+            details = what["exceptionDetails"]
+            self.complaints.append(
+                details.get("exception", {}).get("description") or details["text"]
+            )
+        elif method == "Runtime.consoleAPICalled" and what["type"] in ("error", "assert"):
+            words = [str(a.get("value", a.get("description", ""))) for a in what["args"]]
+            self.complaints.append(f"console.{what['type']}: {' '.join(words)}")
+        elif method == "Log.entryAdded" and what["entry"]["level"] == "error":
+            self.complaints.append(f"{what['entry']['text']} {what['entry'].get('url', '')}")
 
     def _send(self, data: bytes) -> None:
         while data:

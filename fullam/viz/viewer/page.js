@@ -61,7 +61,9 @@ const fullam = (() => {
       vehicle.labelled.style.color = vehicle.colour;
       if (scene.vehicles.length > 1) element("labels").append(vehicle.labelled);
       for (const track of vehicle.tracks) {
-        tracks.push({ ...track, vehicle, at, set: setter(track, vehicle, tint) });
+        const entry = { ...track, vehicle, at };
+        entry.set = setter(entry, vehicle, tint);
+        tracks.push(entry);
         at += WIDTH[track.kind];
       }
     }
@@ -242,7 +244,7 @@ const fullam = (() => {
     film = { fps, count, width, data: Shapes.floats(data), buffer: new Float32Array(width) };
     film.length = (count - 1) / fps;
     for (const track of tracks) if (track.trail) {
-      track.trail.clear();
+      track.trail.clear(count);
       for (let k = 0; k < count; k++) {
         const i = k * width + track.at;
         track.trail.add(film.data[i], film.data[i + 1], film.data[i + 2]);
@@ -311,5 +313,5 @@ const fullam = (() => {
 
   return { viewer, state, load, frame, film: set_film, seek, play, look, connect,
     still: quality.still, quality,
-    get last() { return last; } };
+    get last() { return last; }, get scene() { return scene; } };
 })();

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.analysis.captions import weather_caption
 from fullam.exceptions import InvalidInput
-from fullam.viz.figures import caption
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.scene import DIRECTION, SPIN_RATE, Scene, Snapshot, VehicleScene
 
@@ -66,7 +66,8 @@ def film(
         runs: The record or records; they start together.
         offset: How far apart they are drawn [m], to the right in the picture; or a vector [m].
             By default one and a half times the width of the vehicle; 0 lays them over each other.
-        labels: Their names on the page; by default the controllers'.
+        labels: Their names on the page; by default the controllers', with seeds where those
+            are the same.
         rate: Frames in a second.
 
     Raises:
@@ -75,7 +76,7 @@ def film(
     records = [runs] if not isinstance(runs, Sequence) else list(runs)
     if not records or any(len(run) == 0 for run in records):
         raise InvalidInput("film", "runs", "is empty", "give at least one flown record")
-    names = list(labels) if labels is not None else [run.controller for run in records]
+    names = list(labels) if labels is not None else labels_of(records)
     if len(names) != len(records):
         raise InvalidInput(
             "film", "labels", f"has {len(names)} entries", f"give {len(records)}, one a record"
@@ -104,11 +105,29 @@ def title(runs: Sequence[Run]) -> str:
 
 
 def details(runs: Sequence[Run]) -> str:
-    """Vehicle, weather and seed."""
-    first = runs[0]
-    weather = caption(first).split(f"{first.controller}, ", 1)[-1]
+    """Vehicles, weathers and seeds, each of them once."""
+    vehicles = dict.fromkeys(run.metadata["vehicle"]["definition"]["name"] for run in runs)
+    seeds: dict[str, dict[str, None]] = {}
+    for run in runs:
+        name, _, seed = weather_caption(run).partition(", seed ")
+        seeds.setdefault(name, {})[seed] = None
+    weathers = [f"{name}{_listed(known)}" for name, known in seeds.items()]
     ended = "" if not any(run.diverged for run in runs) else " · DIVERGED"
-    return f"{first.metadata['vehicle']['definition']['name']} · {weather}{ended}"
+    return f"{', '.join(vehicles)} · {' and '.join(weathers)}{ended}"
+
+
+def _listed(seeds: Iterable[str]) -> str:
+    """The seeds as the end of a phrase: ", seeds 3 and 7"; nothing for calm weather."""
+    known = [seed for seed in seeds if seed]
+    return f", seed{'s' * (len(known) > 1)} {' and '.join(known)}" if known else ""
+
+
+def labels_of(runs: Sequence[Run]) -> list[str]:
+    """Names of records on the page: the controllers', with the seeds where that does not tell."""
+    names = [run.controller for run in runs]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{run.controller}, seed {run.seed}" for run in runs]
 
 
 def _spread(offset: float | Sequence[float] | None, vehicles: Sequence[Vehicle]) -> list[Array]:

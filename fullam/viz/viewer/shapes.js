@@ -150,37 +150,43 @@ const Shapes = (() => {
 
   // A thin tube through points that come one by one.
   class Trail {
-    constructor({ radius, colour, capacity = 6000 }) {
+    constructor({ radius, colour }) {
       this.sides = 5;
       this.radius = radius;
-      this.capacity = capacity;
-      this.points = [];
-      const tube = new THREE.BufferGeometry();
-      const vertices = () => new THREE.BufferAttribute(
-        new Float32Array(3 * this.sides * capacity), 3);
-      tube.setAttribute("position", vertices());
-      tube.setAttribute("normal", vertices());
-      const faces = [];
-      for (let k = 0; k < capacity - 1; k++)
-        for (let i = 0; i < this.sides; i++) {
-          const a = k * this.sides + i, b = k * this.sides + (i + 1) % this.sides;
-          faces.push(a, b, a + this.sides, b, b + this.sides, a + this.sides);
-        }
-      tube.setIndex(faces);
-      this.object = dress(new THREE.Mesh(tube), { colour, glow: 0.4, opacity: 0.85 });
+      this.object = dress(new THREE.Mesh(new THREE.BufferGeometry()),
+        { colour, glow: 0.4, opacity: 0.85 });
       this.object.frustumCulled = false;
+      this.clear();
+    }
+    // Forget all points, and have room for so many.
+    clear(capacity = 6000) {
+      const tube = this.object.geometry;
+      this.points = [];
+      if (capacity !== this.capacity) {
+        this.capacity = capacity;
+        for (const name of ["position", "normal"])
+          tube.setAttribute(name, new THREE.BufferAttribute(
+            new Float32Array(3 * this.sides * capacity), 3));
+        const faces = [];
+        for (let k = 0; k < capacity - 1; k++)
+          for (let i = 0; i < this.sides; i++) {
+            const a = k * this.sides + i, b = k * this.sides + (i + 1) % this.sides;
+            faces.push(a, b, a + this.sides, b, b + this.sides, a + this.sides);
+          }
+        tube.setIndex(faces);
+        tube.dispose();  // the renderer's buffers have the old size
+      }
       this.show(0);
     }
     show(count) {
       this.object.geometry.setDrawRange(0, 6 * this.sides * Math.max(0, count - 1));
     }
-    clear() { this.points = []; this.show(0); }
     add(x, y, z, least = 0) {
       const point = new THREE.Vector3(x, y, z), last = this.points[this.points.length - 1];
       if (last && least > 0 && last.distanceTo(point) < least) return;
       if (this.points.length === this.capacity) {  // forget the older half
         const kept = this.points.slice(this.capacity / 2);
-        this.clear();
+        this.clear(this.capacity);
         for (const p of kept) this.add(p.x, p.y, p.z);
       }
       this.points.push(point);

@@ -54,9 +54,9 @@ class Explorer:
         self.update()
         frame = f'<iframe src="{self.server.url}" width="100%" height="{height}" frameborder="0">'
         controls = ipywidgets.VBox([*self.sliders.values(), self.forces, self._report])
-        controls.layout.width = "340px"
+        controls.layout.flex = "0 0 340px"  # a frame of full width would lie over the readouts
         scene = ipywidgets.HTML(f"{frame}</iframe>")
-        scene.layout.width = "100%"
+        scene.layout.flex, scene.layout.min_width = "1 1 0", "0"
         self.panel = ipywidgets.HBox([controls, scene])
 
     def _sliders(self, ipywidgets: Any) -> dict[str, Any]:
