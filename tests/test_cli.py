@@ -287,7 +287,7 @@ def test_interruption_exits_130_without_a_traceback(fullam, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fullam.simulation.simulate.simulate", interrupted)
+    monkeypatch.setattr("fullam.simulation.simulate.fly_by_python", interrupted)
     code, out, err = fullam("run", "task-1", "--json")
     assert (code, out) == (INTERRUPTED, "")
     assert err == "fullam: interrupted\n"
@@ -299,7 +299,7 @@ def test_failed_allocation_is_a_failure_and_not_bad_usage(fullam, monkeypatch):
     def fail(*_, **__):
         raise AllocationFailed(np.zeros(6), "MAX_ITER", {})
 
-    monkeypatch.setattr("fullam.simulation.simulate.simulate", fail)
+    monkeypatch.setattr("fullam.simulation.simulate.fly_by_python", fail)
     code, _, err = fullam("run", "task-1")
     assert code == FAILED
     assert "MAX_ITER" in err

@@ -12,6 +12,7 @@ from fullam.cli.output import progress, say
 from fullam.cli.verbs import FAILED, OK, argument, verb
 
 if TYPE_CHECKING:
+    from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
     from fullam.viz.viewer.replay import Film
     from fullam.viz.viewer.server import ViewerServer
@@ -91,30 +92,25 @@ def view_flight(arguments: argparse.Namespace) -> int:
 
 
 def _fly(arguments: argparse.Namespace) -> Run:
-    from fullam.cli.flying import fly
+    from fullam.cli.flying import flown
 
-    run, _ = fly(arguments_with_scenario(arguments), arguments.controller, dict(arguments.set))
+    run, _ = flown(_prepared(arguments))
     return run
 
 
-def arguments_with_scenario(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments as `fullam run` has them."""
-    return argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+def _prepared(arguments: argparse.Namespace) -> FlightPlan:
+    from fullam.cli.flying import prepared
+
+    as_run_has_them = argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+    return prepared(as_run_has_them, arguments.controller, dict(arguments.set))
 
 
 def _fly_live(arguments: argparse.Namespace) -> int:
-    from fullam.simulation.simulate import prepare
     from fullam.viz.viewer.live import LiveFlight
     from fullam.viz.viewer.replay import film
     from fullam.viz.viewer.server import ViewerServer
 
-    plan = prepare(
-        arguments.target[0],
-        arguments.controller,
-        settings=dict(arguments.set),
-        **options.flight_arguments(arguments),
-    )
-    live = LiveFlight(plan)
+    live = LiveFlight(_prepared(arguments))
     with ViewerServer(arguments.port) as server:
         live.show(server)
         _announce(server, arguments.open)

@@ -78,7 +78,9 @@ def test_what_was_changed_flies_again_as_it_was_changed(run, tmp_path):
         weather="recorded",
         settings={"actuation_speedup": 1.5, "observer_rates": (10.0, 9.0)},
         shaping={"max_acceleration": 4.0, "anticipate": False},
-        simulation=SimulationSettings(estimator_settings={"cutoff": 12.0}, integrator="rk4"),
+        simulation=SimulationSettings(
+            estimator="first-order", estimator_settings={"cutoff": 12.0}, integrator="rk4"
+        ),
     )
     assert changed.scenario.shaping == Shaping(4.0, 8.0, anticipate=False)
     assert changed.simulation.estimator_settings == {"cutoff": 12.0}
