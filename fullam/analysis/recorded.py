@@ -307,11 +307,11 @@ def _fly(task: Task, reading: Reading, proportional: float, seed: int) -> Figure
     block.load(plan.with_seed(seed))
     fused.fly()
     rows, _ = block.ending()
-    flown = block.columns()
+    flown = block.columns(rows)
     asked = coordinates(plan.asked.pose[:rows])
-    error = coordinates(flown["pose"][:rows]) - asked
+    error = coordinates(flown["pose"]) - asked
     step = 1e3 * (plan.asked.pose[rows - 1, :3] - np.array(HOME))
-    command = flown["command"][:rows]
+    command = flown["command"]
     return Figures.of(plan.t[:rows], error, command, step if step.any() else None)
 
 

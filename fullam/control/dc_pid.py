@@ -11,10 +11,10 @@ system (`compensation`), in machine code it is the paper's recursion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 from fullam.control.compensation import MODELS, Model, compensation_model
-from fullam.control.controller import ALL_AXES
 from fullam.control.law import LawKernels
 from fullam.control.pid import (
     Gains,
@@ -42,7 +42,6 @@ from fullam.dynamics.spatial import (
     rotate_spatial_back,
     subtract_spatial,
 )
-from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, kernel, select
 from fullam.numbers.vectors import ZERO
 
@@ -195,27 +194,16 @@ def command_previous(numbers, chain, estimate, target, memory):
 
 
 class DcPid(PidBase):
-    """The paper's dc-PID, eq. (26): PID and the arm's wrench fed forward.
-
-    Attributes:
-        model: What yields u_dc where Python flies; see `compensation`.
-    """
+    """The paper's dc-PID, eq. (26): PID and the arm's wrench fed forward."""
 
     name = "dc-pid"
     Settings = DcPidSettings
     settings: DcPidSettings
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        settings: DcPidSettings | None = None,
-        period: float = 0.01,
-        axes: tuple[bool, ...] = ALL_AXES,
-        anticipated: bool = True,
-    ) -> None:
-        """Bind the law; see `Controller`."""
-        super().__init__(vehicle, settings, period, axes, anticipated)
-        self.model: Model = compensation_model(self.settings.model, vehicle, self.links)
+    @cached_property
+    def model(self) -> Model:
+        """What yields u_dc where Python flies; made when it does."""
+        return compensation_model(self.settings.model, self.vehicle, self.links)
 
     @property
     def previous(self) -> bool:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +53,7 @@ class KernelLaw(Controller):
 
     Attributes:
         Memory: Record of what the law remembers.
-        links: The nominal chain as records, platform first.
+        link_rows: The nominal chain as rows.
     """
 
     Memory: type
@@ -69,11 +69,16 @@ class KernelLaw(Controller):
         """Bind the law; see `Controller`."""
         super().__init__(vehicle, settings, period, axes, anticipated)
         self.link_rows: Rows = LinkRows.of(LinkChain.from_model(vehicle.model)).rows
-        self.links: list[Any] = self.link_rows.to_list()
         self._numbers = self.numbers()
         self._memory: Any = None
         self._chain: Any = None
         self._estimate: Estimate | None = None
+
+    @cached_property
+    def links(self) -> list[Any]:
+        """The nominal chain as records, platform first."""
+        links: list[Any] = self.link_rows.to_list()
+        return links
 
     @property
     @abstractmethod

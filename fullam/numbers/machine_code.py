@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import os
 import platform
 import threading
 import time
@@ -18,7 +19,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from fullam.numbers.code_store import load, store
-from fullam.numbers.digest import describe, digest
+from fullam.numbers.digest import describe, digest, signature
 from fullam.version import version_of
 
 logger = logging.getLogger(__name__)
@@ -28,6 +29,7 @@ ANNOUNCE_AFTER = 3.0
 
 _lock = threading.RLock()
 _codes: dict[str, Code] = {}
+_stage_keys: dict[Any, str] = {}
 
 
 class Code:
@@ -64,17 +66,14 @@ def available() -> bool:
 
 def stage_code(kernel: Callable[..., Any], view: Any) -> Code:
     """Machine code of a kernel f(view, period) for views like this one: f(table, period)."""
+    known = kernel, signature(view)
+    if known not in _stage_keys:  # to work a key out is to read all the code that a kernel calls
+        _stage_keys[known] = digest(kernel, "stage", describe(view), *_machine())
     return _code(
-        _stage_key(kernel, describe(view)),
+        _stage_keys[known],
         kernel.__qualname__,
         lambda: _compiler().compile_stage(kernel, view),
     )
-
-
-@functools.cache
-def _stage_key(kernel: Callable[..., Any], view: str) -> str:
-    """Key of a stage, worked out once: it reads all the code that the kernel calls."""
-    return digest(kernel, "stage", view, *_machine())
 
 
 def loop_code() -> Code:
@@ -112,6 +111,9 @@ def _machine() -> tuple[str, ...]:
         platform.python_version(),
         binding.get_host_cpu_name(),
         binding.get_host_cpu_features().flatten(),
+        # What numba is told to compile for, instead of the processor at hand.
+        os.environ.get("NUMBA_CPU_NAME", ""),
+        os.environ.get("NUMBA_CPU_FEATURES", ""),
         version_of("numba"),
         version_of("llvmlite"),
     )

@@ -89,7 +89,7 @@ class Block:
         plan, periods = tables.plan, tables.periods
         n = plan.nominal.rotors.count
         self.law, self.estimator = tables.controller(), tables.estimator()
-        self.allocator = tables.allocator()
+        self.allocator = tables.allocator
         self.state, self.status = self._empty(State, 1), self._empty(Status, 1)
         self.poses = self._empty(Pose, plan.simulation.delay_periods + 1)
         self.readings, self.estimate = self._empty(Readings, 1), self._empty(Estimate, 1)
@@ -248,6 +248,7 @@ class Block:
             self.governor,
             self.residual,
             self.commands,
+            self.drawn.rotors,
             self.speeds,
             self.entries,
             self.rotors,
@@ -273,15 +274,22 @@ class Block:
 
     # After a flight.
 
-    def columns(self, lane: int = 0) -> dict[str, Array]:
-        """Columns of a flight's record, as `run.finish` takes them; views of the rows."""
-        names = columns(Entry)
-        entries = self.entries.array[..., lane] if self.lanes else self.entries.array
-        rotors = self.rotors.array[..., lane] if self.lanes else self.rotors.array
-        log = {name: entries[:, part] for name, part in names.items()}
+    def columns(self, rows: int, lane: int = 0, copy: bool = True) -> dict[str, Array]:
+        """The first rows of a flight's record, column by column, as `finish` takes them.
+
+        Args:
+            rows: How many.
+            lane: Which of the flights.
+            copy: Whether to leave the block its rows, as one that flies again needs them.
+        """
+        sources = self.entries, self.rotors, self.drawn.gust
+        parts = [s.array[:rows, ..., lane] if self.lanes else s.array[:rows] for s in sources]
+        entries, rotors, gusts = (np.array(part) for part in parts) if copy else parts
+        log = {name: entries[:, part] for name, part in columns(Entry).items()}
         log["saturated"] = log["saturated"][:, 0] > 0.0
         log["given_up"] = log["given_up"][:, 0]
-        return log | {"rotor_commands": rotors[..., 0], "rotor_speeds": rotors[..., 1]}
+        log |= {"rotor_commands": rotors[..., 0], "rotor_speeds": rotors[..., 1]}
+        return log | {"disturbance": gusts}
 
     def ending(self, lane: int = 0) -> tuple[int, str]:
         """How many rows a flight has, and "completed", "diverged" or "not finite"."""

@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 def finish(
     plan: FlightPlan,
     log: dict[str, Array],
-    rows: int,
     outcome: str,
     reason: str,
     driver: str = "python",
@@ -33,8 +32,7 @@ def finish(
 
     Args:
         plan: What was flown.
-        log: Columns named as the fields of `stages.Entry` and `stages.RotorEntry`.
-        rows: How many rows are written.
+        log: The columns that the stages wrote, which the run will own; see `Block.columns`.
         outcome: "completed", "diverged" or "flying"; what completed may turn out "oscillating".
         reason: Why it diverged.
         driver: Which driver flew it.
@@ -43,28 +41,17 @@ def finish(
     """
     changed = dict(touched or {})
     more = changed.pop("metadata", {})
-    out = {name: column[:rows].copy() for name, column in log.items()}
-    out["t"] = plan.t[:rows].copy()
+    rows = len(log["pose"])
     arm_rows = plan.arm_row(1) * np.arange(rows)
-    out["arm"], out["arm_rate"] = plan.arm.theta[arm_rows], plan.arm.dtheta[arm_rows]
-    out["reference_pose"] = plan.asked.pose[:rows].copy()
-    out["disturbance"] = plan.forecast.disturbance[:rows].copy()
+    out = log | {
+        "t": plan.t[:rows].copy(),
+        "arm": plan.arm.theta[arm_rows],
+        "arm_rate": plan.arm.dtheta[arm_rows],
+        "reference_pose": plan.asked.pose[:rows].copy(),
+    }
     out |= {name: column[:rows].copy() for name, column in changed.items()}
-    R_true = quaternion_rotation(out["pose"][:, 3:])
-    R_told = quaternion_rotation(out["measured_pose"][:, 3:])
-    out["velocity"] = _turn(R_true, out.pop("twist"))
-    R_thrust = R_told
-    if plan.anticipation is not None:
-        turn = from_rotation_vector(plan.anticipation.rows["turn"][:rows])
-        R_thrust = R_told @ quaternion_rotation(turn)
     if not all(plan.scenario.axes_mask):
-        # On axes that nobody controls the allocation falls short without being saturated.
-        asked_A = _turn(R_thrust.transpose(0, 2, 1), out["command"])
-        rotors_A = np.square(out["rotor_commands"]) @ plan.nominal.rotors.coupling_matrix.T
-        out["residual"] = rotors_A - asked_A
-    out["delivered"] = out["command"] + _turn(R_thrust, out["residual"])
-    rotor_A = np.square(out["rotor_speeds"]) @ plan.true.rotors.coupling_matrix.T
-    out["rotor_wrench"] = _turn(R_true, rotor_A)
+        out |= _of_masked_axes(plan, out)
     if outcome == "completed" and (swings := flight_swing(plan, out["pose"])) is not None:
         outcome, reason = "oscillating", str(swings)
     metadata = {
@@ -100,6 +87,18 @@ def _versions(driver: str) -> dict[str, str]:
         "python": platform.python_version(),
         **{name: version_of(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
     }
+
+
+def _of_masked_axes(plan: FlightPlan, log: dict[str, Array]) -> dict[str, Array]:
+    """What was delivered where some axes are nobody's, on which it falls short unsaturated."""
+    rows, R = len(log["pose"]), quaternion_rotation(log["measured_pose"][:, 3:])
+    if plan.anticipation is not None:
+        turn = from_rotation_vector(plan.anticipation.rows["turn"][:rows])
+        R = R @ quaternion_rotation(turn)
+    coupling = plan.nominal.rotors.coupling_matrix
+    achieved_A = np.square(log["rotor_commands"]) @ coupling.T
+    residual = achieved_A - _turn(R.transpose(0, 2, 1), log["command"])
+    return {"residual": residual, "delivered": log["command"] + _turn(R, residual)}
 
 
 def _turn(R: Array, wrenches: Array) -> Array:

@@ -145,10 +145,10 @@ class Flight:
         return bool(self.lists.of(self.block.delivery)[0].saturated > 0.0)
 
     def run(self) -> Run:
-        """The record so far; columns that follow from others are computed here, at once."""
+        """The record so far."""
         self.lists.write_back()
-        log = self.block.columns()
-        return finish(self.plan, log, self.ticks_flown, self.outcome, self.reason)
+        log = self.block.columns(self.ticks_flown)
+        return finish(self.plan, log, self.outcome, self.reason)
 
 
 class EstimateStage:

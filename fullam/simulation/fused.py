@@ -76,16 +76,17 @@ def fly(plan: FlightPlan, progress: Progress | None = None) -> Run:
     fused = Fused(Tables(plan))
     fused.block.load(plan)
     fused.fly(progress)
-    return run_of(fused.block, plan)
+    return run_of(fused.block, plan, owned=True)
 
 
-def run_of(block: Block, plan: FlightPlan, lane: int = 0) -> Run:
+def run_of(block: Block, plan: FlightPlan, lane: int = 0, owned: bool = False) -> Run:
     """The record of a flight of a block.
 
     Args:
         block: The block, flown.
         plan: The plan under the flight's seed.
         lane: Which of the flights.
+        owned: Whether the run may have the block's rows, which then flies no more.
 
     Raises:
         NonFiniteWrench: The law returned NaN or infinity.
@@ -96,4 +97,5 @@ def run_of(block: Block, plan: FlightPlan, lane: int = 0) -> Run:
     reason = ""
     if outcome == "diverged":
         reason = divergence(plan, rows, block.pose(lane, rows)) or "not finite"
-    return finish(plan, block.columns(lane), rows, outcome, reason, "fused")
+    log = block.columns(rows, lane, copy=not owned)
+    return finish(plan, log, outcome, reason, "fused")

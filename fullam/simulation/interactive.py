@@ -245,8 +245,8 @@ class InteractiveFlight:
             "disturbance": self._loads,
             "metadata": metadata,
         }
-        log = flight.block.columns()
-        return finish(plan, log, rows, outcome, flight.reason, touched=touched)
+        log = flight.block.columns(rows)
+        return finish(plan, log, outcome, flight.reason, touched=touched)
 
     # Going back.
 

@@ -128,7 +128,7 @@ def swing(
     scale = 4.0 / (len(e) * np.sum(window**2))
     quarters = np.array_split(centred, 4)
     size = np.sqrt([np.mean(quarter**2, axis=0) for quarter in quarters])
-    lasts = (size[1:] >= LASTING * size[:-1]).all(axis=0)
+    lasts: NDArray[np.bool_] = np.all(size[1:] >= LASTING * size[:-1], axis=0)
     worst: tuple[float, Swing] | None = None
     for axis in np.flatnonzero(may):
         peak = int(power[:, axis].argmax())

@@ -22,13 +22,16 @@ from typing import Any, NamedTuple
 
 from fullam.control.estimator import Readings
 from fullam.control.signals import DIVERGED, ended
+from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
     Pose,
     Spatial,
+    rotate_spatial,
 )
-from fullam.numbers.kernel import Number, absolute, both, kernel
+from fullam.numbers.kernel import Number, absolute, both, kernel, select
 from fullam.numbers.vectors import Vector, dot, multiply, subtract
 from fullam.simulation.anticipation import advance
+from fullam.simulation.plant import rotor_wrench
 from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
@@ -52,18 +55,20 @@ class Bounds(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A row of the record; see `fullam.simulation.run.COLUMNS`. Twist in body axes."""
+    """A row of the record; see `fullam.simulation.run.COLUMNS`."""
 
     pose: Pose
-    twist: Spatial
+    velocity: Spatial
     measured_pose: Pose
     measured_velocity: Spatial
     u_pid: Spatial
     u_dc: Spatial
     command: Spatial
+    delivered: Spatial
     residual: Spatial
     saturated: Number
     given_up: Number
+    rotor_wrench: Spatial
 
 
 class RotorEntry(NamedTuple):
@@ -117,6 +122,7 @@ class RecordView(NamedTuple):
     governor: Any
     residual: Any
     commands: Any
+    true_rotors: Any
     speeds: Any
     entries: Any
     rotors: Any
@@ -171,17 +177,21 @@ def watch(view, k):
 def record_entry(view, k):
     """Write the row of period k, before the vehicle moves on."""
     state, estimate, command = view.state[0], view.estimate[0], view.command[0]
+    R, delivery = rotation_matrix(state.pose.attitude), view.delivery[0]
+    thrust = Spatial(*rotor_wrench(view.true_rotors, view.speeds))
     view.entries[k] = Entry(
         state.pose,
-        state.twist,
+        rotate_spatial(R, state.twist),
         estimate.pose,
         estimate.velocity,
         command.u_pid,
         command.u_dc,
         command.wrench,
+        select(delivery.saturated > 0.0, delivery.wrench, command.wrench),
         view.residual[0],
-        view.delivery[0].saturated,
+        delivery.saturated,
         view.governor[0].given_up,
+        rotate_spatial(R, thrust),
     )
     rotors = view.rotors[k]
     for i in range(len(view.speeds)):

@@ -95,8 +95,9 @@ class Tables:
         """A fresh estimator."""
         return make_estimator(self.plan.simulation, self.plan.weather, self.plan.nominal.gravity)
 
+    @cached_property
     def allocator(self) -> Allocator:
-        """A fresh allocator of the nominal rotors."""
+        """The allocation of the nominal rotors, packed; what flies has memories of its own."""
         plan = self.plan
         axes = np.array(plan.scenario.axes_mask)
         return Allocator(plan.nominal.rotors, axes=axes, vehicle_name=plan.nominal.name)
@@ -115,7 +116,7 @@ class Tables:
     @cached_property
     def hover(self) -> Array:
         """Rotor speeds at take-off, shape (n_r,) [rad/s]."""
-        return hover_speeds(self.plan, self.allocator())
+        return hover_speeds(self.plan, self.allocator)
 
     @cached_property
     def placed(self) -> tuple[Rows, Rows]:

@@ -53,7 +53,8 @@ def run_script(folder):
     command = [sys.executable, "-W", "error", "-c", SCRIPT]
     out = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
     assert out.stderr == ""
-    return out.stdout.splitlines()
+    lines = out.stdout.splitlines()
+    return [line for line in lines if not line.startswith("compiling ")]  # said when slow
 
 
 def test_what_is_stored_is_loaded(place):
@@ -128,7 +129,7 @@ def test_code_is_compiled_once_loaded_without_the_compiler_and_mended_when_damag
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2])
     mended = run_script(tmp_path)
-    assert [line.split()[0] for line in mended[:2]] == ["compiled", "compiled"]
+    assert [line.split()[:2] for line in mended[:2]] == [["compiled", "double"], ["compiled", "the"]]
     assert run_script(tmp_path) == ["False [2.0, 4.0]"]
 
 
