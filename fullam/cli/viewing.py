@@ -114,27 +114,21 @@ def view_flight(arguments: argparse.Namespace) -> int:
 
 
 def _fly(arguments: argparse.Namespace) -> Run:
-    from fullam.cli.flying import fly
+    from fullam.cli.flying import flown
 
-    run, _ = fly(arguments_with_scenario(arguments), arguments.controller, dict(arguments.set))
+    run, _ = flown(_prepared(arguments))
     return run
 
 
-def arguments_with_scenario(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments as `fullam run` has them."""
-    return argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+def _prepared(arguments: argparse.Namespace) -> FlightPlan:
+    from fullam.cli.flying import prepared
+
+    as_run_has_them = argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+    return prepared(as_run_has_them, arguments.controller, dict(arguments.set))
 
 
 def _fly_live(arguments: argparse.Namespace) -> int:
-    from fullam.simulation.simulate import prepare
-
-    plan = prepare(
-        arguments.target[0],
-        arguments.controller,
-        settings=dict(arguments.set),
-        **options.flight_arguments(arguments),
-    )
-    return _show_live(plan, arguments)
+    return _show_live(_prepared(arguments), arguments)
 
 
 def _show_live(plan: FlightPlan, arguments: argparse.Namespace) -> int:
