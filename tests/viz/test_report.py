@@ -10,10 +10,13 @@ pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 
 from fullam.analysis import recorded, reproduce
 from fullam.analysis.claims import CLAIMS, SCENARIOS, TARGETS, Proof
+from fullam.analysis.diagnosis import Finding
 from fullam.analysis.evidence import judge
+from fullam.analysis.lost import LostFlight
 from fullam.analysis.recorded import PUBLISHED, READINGS
 from fullam.analysis.reproduce import CONDITIONS, command
 from fullam.simulation.scenario import load_scenario
+from fullam.viz import report_lost
 from fullam.viz.report import write_report
 from fullam.viz.report_tables import number
 
@@ -145,3 +148,17 @@ def test_the_recorded_runs_stand_beside_every_reading(flown):
 )
 def test_numbers_have_three_digits(value, unit, text):
     assert number(value, unit) == text
+
+
+def test_lost_flights_are_explained_on_the_page(flown, monkeypatch):
+    """Short flights are not lost; were they, the page would say which and why."""
+    folder, result = flown
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    assert '<h2 id="lost">Flights that were lost</h2><p>None.</p>' in page
+    finding = Finding("saturation", "rotors <at> their bounds", "less")
+    flight = LostFlight("task-1", "dc-pid", 7, "at t = 1 s", (finding,))
+    monkeypatch.setattr(report_lost, "lost_flights", lambda table: (3, [flight]))
+    section = report_lost.lost_section(result)
+    assert "<b>3 of " in section
+    assert "dc-pid, task-1, seed 7: at t = 1 s" in section
+    assert "rotors &lt;at&gt; their bounds: less" in section
