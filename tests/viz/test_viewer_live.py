@@ -144,10 +144,13 @@ def test_another_host_name_is_refused():
 
 
 def test_the_server_listens_on_the_loopback_address_only():
-    with ViewerServer(0) as server:
-        # Linux gives every 127.x.y.z to the loopback device: a server on all interfaces answers.
-        with pytest.raises(OSError), socket.create_connection(("127.0.0.2", server.port), timeout=2):
-            pass
+    # Linux gives every 127.x.y.z to the loopback device: a server on all interfaces answers.
+    with (
+        ViewerServer(0) as server,
+        pytest.raises(OSError),
+        socket.create_connection(("127.0.0.2", server.port), timeout=2),
+    ):
+        pass
 
 
 def test_two_servers_take_two_ports_and_a_taken_port_is_said():
