@@ -228,7 +228,7 @@ class LiveFlight:
             server.push(self.frame())
             server.tell(self.orders.status())
         elif pace.shown != self.flight.period:
-            server.push(self.frame(), drop=True)
+            server.push(self.frame())  # none follows that would make up for a dropped one
         pace.shown = self.flight.period
         pace.rebase()
         sleep(IDLE)

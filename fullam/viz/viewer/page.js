@@ -30,7 +30,8 @@ const fullam = (() => {
     for (const vehicle of scene?.vehicles ?? []) viewer.delete_path([vehicle.path]);
     scene = next;
     tracks = [];
-    last = status = null;
+    last = null;
+    if (!scene.live) status = null;
     stop_film();
     ground = ground ?? Shapes.ground();
     viewer.set_object(["ground"], ground.group);
