@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     from fullam.control.estimators import estimator_names
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
-    from fullam.simulation.free import fly
     from fullam.simulation.many import fly_many
     from fullam.simulation.refly import refly
     from fullam.simulation.settings import SimulationSettings
     from fullam.simulation.shaping import Shaping
     from fullam.simulation.simulate import prepare, simulate
+    from fullam.viz.viewer.studio import fly
     from fullam.viz.viewer.view import view
     from fullam.viz.viewer.widgets import explore
 
@@ -60,12 +60,12 @@ LATER = {
     "fullam.control.estimators": ("estimator_names",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
-    "fullam.simulation.free": ("fly",),
     "fullam.simulation.many": ("fly_many",),
     "fullam.simulation.refly": ("refly",),
     "fullam.simulation.settings": ("SimulationSettings",),
     "fullam.simulation.shaping": ("Shaping",),
     "fullam.simulation.simulate": ("prepare", "simulate"),
+    "fullam.viz.viewer.studio": ("fly",),
     "fullam.viz.viewer.view": ("view",),
     "fullam.viz.viewer.widgets": ("explore",),
 }

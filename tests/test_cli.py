@@ -242,15 +242,15 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
     ("arguments", "message"),
     [
         ([], "required: VERB"),
-        (["fly"], "invalid choice: 'fly'"),
+        (["glide"], "invalid choice: 'glide'"),
         (["run", "task-9"], "Did you mean 'task-"),
         (["run", "task-1", "--controller", "lqr"], "Known: .*dc-pid"),
         (["run", "task-1", "--vehicle", "x"], "Known: .*hextilt"),
         (["run", "task-1", "--weather", "x"], "Known: calm"),
         (["run", "task-1", "--estimator", "x"], "Known: .*first-order"),
         (["run", "task-1", "--calm", "--weather", "paper"], "give one of the two"),
-        (["run", "task-1", "--seed", "-1"], "give 0 or more"),
-        (["run", "task-1", "--seed", "x"], "invalid int"),
+        (["run", "task-1", "--seed", "-1"], "no whole number, from 0"),
+        (["run", "task-1", "--seed", "x"], "no whole number, from 0"),
         (["run", "task-1", "--control-rate", "300"], "give a whole multiple"),
         (["run", "task-1", "--control-rate", "0"], "no rate in Hz"),
         (["run", "task-1", "--out", "run.txt"], "does not end in .npz"),
@@ -265,7 +265,7 @@ def test_check_fails_for_a_vehicle_that_cannot_lift_itself(fullam, tmp_path):
         (["compare", "task-1", "--controllers", ","], "no names given"),
         (["compare", "task-1", "--controllers", "dc-pid,x"], "unknown controller 'x'"),
         (["check", "no/such.toml"], "cannot be read"),
-        (["check", "fullam", "--samples", "0"], "whole number above 0"),
+        (["check", "fullam", "--samples", "0"], "no whole number, from 1"),
     ],
 )
 def test_bad_usage_exits_2_with_a_message_and_no_results(fullam, arguments, message):
@@ -287,7 +287,7 @@ def test_interruption_exits_130_without_a_traceback(fullam, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fullam.simulation.simulate.simulate", interrupted)
+    monkeypatch.setattr("fullam.simulation.simulate.fly_by_python", interrupted)
     code, out, err = fullam("run", "task-1", "--json")
     assert (code, out) == (INTERRUPTED, "")
     assert err == "fullam: interrupted\n"
@@ -299,7 +299,7 @@ def test_failed_allocation_is_a_failure_and_not_bad_usage(fullam, monkeypatch):
     def fail(*_, **__):
         raise AllocationFailed(np.zeros(6), "MAX_ITER", {})
 
-    monkeypatch.setattr("fullam.simulation.simulate.simulate", fail)
+    monkeypatch.setattr("fullam.simulation.simulate.fly_by_python", fail)
     code, _, err = fullam("run", "task-1")
     assert code == FAILED
     assert "MAX_ITER" in err

@@ -146,10 +146,10 @@ class CampaignStore:
         """Write what is not yet in a file, whole or not at all."""
         if not self._buffer:
             return
-        cells, self._buffer = self._buffer, []
-        table = table_of(cells)
-        self._tables.append(table)
+        table = table_of(self._buffer)
         self._write_part(table, "part")
+        self._tables.append(table)
+        self._buffer = []  # last of all: what interrupts this is followed by another flush
         small = sorted(self.parts.glob("part-*.parquet"))
         if len(small) >= MOST_PARTS:
             tables = [read_campaign(part).rows.replace_schema_metadata(None) for part in small]

@@ -232,8 +232,9 @@ def _identity(schema: pa.Schema, where: str) -> dict[str, Any]:
             raise CampaignError(
                 where, "columns", f"{', '.join(names[:5])}: {problem}", "sweep again"
             )
-    if len(schema.names) != len(SCHEMA.names):
-        raise CampaignError(where, "columns", "some are there twice", "sweep again")
+    if schema.names != SCHEMA.names:
+        problem = "some are there twice, or in another order"
+        raise CampaignError(where, "columns", problem, "sweep again")
     return dict(identity)
 
 

@@ -17,19 +17,15 @@ def page_path(text: str) -> Path:
     return Path(text)
 
 
-def whole(text: str) -> int:
-    """A number of flights, 0 or more."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 0 on")
-    return int(text)
+flights = options.whole(0, 1_000_000, "number of flights, from")
 
 
 @verb(
     "datasheet",
     argument("vehicle", metavar="VEHICLE", help="name (see `fullam list`) or TOML file"),
     argument("--out", type=page_path, metavar="FILE", help="the page (default: VEHICLE.html)"),
-    argument("--flights", type=whole, default=10, metavar="N", help="of the trial (10; 0: none)"),
-    argument("--seed", type=whole, default=0, metavar="N", help="of poses and states (0)"),
+    argument("--flights", type=flights, default=10, metavar="N", help="of the trial (10; 0: none)"),
+    argument("--seed", type=options.seed, default=0, metavar="N", help="of poses and states (0)"),
     options.JSON,
 )
 def write_sheet(arguments: argparse.Namespace) -> int:

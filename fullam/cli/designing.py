@@ -22,31 +22,38 @@ def vehicle_file(text: str) -> Path:
     return Path(text)
 
 
+rotors = options.whole(4, 1000, "number of rotors, from")
+period = options.whole(0, 1000, "whole number, from")
+reserve = options.between(1.0, 100.0, "ratio, from")
+efficiency = options.between(0.0, 1.0, "efficiency, from")
+angle = options.between(0.0, 180.0, "angle, from")
+starts = options.whole(1, 1000, "number of starts, from")
+entry = options.between(-1e4, 1e4, "number, from")
+
+
 def numbers(text: str) -> tuple[float, ...]:
     """Numbers separated by commas."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no list of numbers") from None
+    return tuple(entry(part) for part in text.split(","))
 
 
 @verb(
     "design",
     argument("base", nargs="?", default="fullam", metavar="VEHICLE", help="(default: fullam)"),
-    argument("--rotors", type=int, metavar="N", help="number of rotors (default: the vehicle's)"),
+    argument("--rotors", type=rotors, metavar="N", help="how many (default: the vehicle's)"),
     argument("--objective", default="worst-tilt", metavar="NAME",
              help="worst-tilt, level-force, failure-tilt, failure-margin or efficiency"),
     argument("--free", type=options.names, default=["cants", "leans"], metavar="A,B",
              help="of azimuths, radii, heights, cants, leans (default: cants,leans)"),
-    argument("--period", type=int, default=0, metavar="N",
+    argument("--period", type=period, default=0, metavar="N",
              help="rotors repeat after N (0: all may differ; 2: as in the alternating ring)"),
-    argument("--reserve", type=float, default=1.5, metavar="X", help="thrust to weight (1.5)"),
-    argument("--min-efficiency", type=float, default=0.0, metavar="X", help="at hover, 0 to 1"),
-    argument("--min-tilt", type=float, default=0.0, metavar="DEG", help="worst tilt kept"),
+    argument("--reserve", type=reserve, default=1.5, metavar="X", help="thrust to weight (1.5)"),
+    argument("--min-efficiency", type=efficiency, default=0.0, metavar="X",
+             help="at hover, 0 to 1"),
+    argument("--min-tilt", type=angle, default=0.0, metavar="DEG", help="worst tilt kept"),
     argument("--arm", type=numbers, metavar="A,B,..", help="arm pose [deg] (none: centred)"),
-    argument("--evaluations", type=int, default=6000, metavar="N", help="a start (6000)"),
-    argument("--starts", type=int, default=3, metavar="N", help="the ring, and random ones (3)"),
-    argument("--seed", type=int, default=0, metavar="N", help="of the search (0)"),
+    argument("--evaluations", type=options.runs, default=6000, metavar="N", help="a start (6000)"),
+    argument("--starts", type=starts, default=3, metavar="N", help="the ring, and random ones (3)"),
+    argument("--seed", type=options.seed, default=0, metavar="N", help="of the search (0)"),
     argument("--out", type=vehicle_file, metavar="FILE", help="write the vehicle (.toml, .urdf)"),
     argument("--pareto", type=numbers, metavar="X,Y,..", help="a search at each least efficiency"),
     options.FIGURE,

@@ -12,6 +12,7 @@ from fullam.cli.verbs import FAILED, OK, argument, verb
 if TYPE_CHECKING:
     from fullam.analysis.diagnosis import Finding
     from fullam.analysis.metrics import Metrics
+    from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
 
 AXIS_ROWS = (
@@ -77,9 +78,10 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged or
     swings about its target.
     """
-    warn_of_reach(arguments)
-    warn_of_loop(arguments, arguments.controller, dict(arguments.set))
-    run, metrics = fly(arguments, arguments.controller, dict(arguments.set), arguments.driver)
+    flight = prepared(arguments, arguments.controller, dict(arguments.set))
+    warn_of_reach(flight)
+    warn_of_loop(flight)
+    run, metrics = flown(flight, arguments.driver)
     files = {}
     if arguments.out:
         files["run"] = str(run.save(arguments.out))
@@ -119,10 +121,11 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     One seed is one weather: noise, gusts and true parameters are the same for all of them. Exit
     code 1 says that a flight diverged or swings about its target.
     """
-    warn_of_reach(arguments)
-    for name in arguments.controllers:
-        warn_of_loop(arguments, name, {})
-    flights = [fly(arguments, name, {}, arguments.driver) for name in arguments.controllers]
+    plans = [prepared(arguments, name, {}) for name in arguments.controllers]
+    warn_of_reach(plans[0])
+    for plan in plans:
+        warn_of_loop(plan)
+    flights = [flown(plan, arguments.driver) for plan in plans]
     runs = [run for run, _ in flights]
     files = {}
     if arguments.figure and all(has_rows(run) for run in runs):
@@ -163,61 +166,46 @@ def explain(run: Run, metrics: Metrics) -> None:
         say(f"- {finding}")
 
 
-def fly(
-    arguments: argparse.Namespace,
-    controller: str,
-    settings: dict[str, Any],
-    driver: str = "python",
-) -> tuple[Run, Metrics]:
-    """Simulate and measure one flight, with progress."""
-    from fullam.analysis.metrics import measure
-    from fullam.simulation.simulate import simulate
+def prepared(
+    arguments: argparse.Namespace, controller: str, settings: dict[str, Any]
+) -> FlightPlan:
+    """The flight that was asked for; what is wrong with it is found here."""
+    from fullam.simulation.simulate import pilot, prepare
 
+    pilot(getattr(arguments, "driver", "python"))
     keywords = options.flight_arguments(arguments)
     settings = options.controller_settings(controller, settings)
-    with progress(f"{arguments.scenario}, {controller}") as show:
-        run = simulate(
-            arguments.scenario,
-            controller,
-            settings=settings,
-            driver=driver,
-            progress=show,
-            throw=False,
-            **keywords,
-        )
+    return prepare(arguments.scenario, controller, settings=settings, **keywords)
+
+
+def flown(plan: FlightPlan, driver: str = "python") -> tuple[Run, Metrics]:
+    """Fly and measure one flight, with progress."""
+    from fullam.analysis.metrics import measure
+    from fullam.simulation.simulate import pilot
+
+    with progress(f"{plan.scenario.name}, {plan.controller}") as show:
+        run = pilot(driver)(plan, show)
     return run, measure(run)
 
 
-def warn_of_reach(arguments: argparse.Namespace) -> None:
+def warn_of_reach(plan: FlightPlan) -> None:
     """Say before take-off if a target is out of the vehicle's reach."""
     from fullam.analysis.foresight import reach_warning
-    from fullam.exceptions import FullamError
-    from fullam.model.loading import load_vehicle
-    from fullam.simulation.scenario import load_scenario
+    from fullam.exceptions import VehicleError
 
     try:
-        scenario = load_scenario(arguments.scenario)
-        found = reach_warning(scenario, load_vehicle(arguments.vehicle or scenario.vehicle))
-    except FullamError:
-        return  # what cannot be flown at all is told by the flight
+        found = reach_warning(plan.scenario, plan.nominal)
+    except VehicleError:
+        return  # more rotors than the atlas takes
     if found is not None:
         complain(f"out of reach: {found}")
 
 
-def warn_of_loop(arguments: argparse.Namespace, controller: str, settings: dict[str, Any]) -> None:
+def warn_of_loop(plan: FlightPlan) -> None:
     """Say before take-off if a law's loop has no margin, and what a strange estimator costs it."""
     from fullam.analysis.margins import estimator_cost, margin_warning
-    from fullam.exceptions import FullamError
-    from fullam.simulation.simulate import prepare
 
-    try:
-        keywords = options.flight_arguments(arguments)
-        settings = options.controller_settings(controller, settings)
-        plan = prepare(arguments.scenario, controller, settings=settings, **keywords)
-        lines = estimator_cost(plan), margin_warning(plan)
-    except FullamError:
-        return  # what cannot be flown at all is told by the flight
-    for line in lines:
+    for line in (estimator_cost(plan), margin_warning(plan)):
         if line is not None:
             complain(line)
 

@@ -70,7 +70,7 @@ def _typed(text: str) -> str:
 rate = between(0.01, 1e6, "rate in Hz, from")
 delay = between(0.0, 100.0, "delay in seconds, from")
 seed = whole(0, 2**63 - 1, "whole number, from")
-jobs = whole(1, 256, "number of processes, from")
+jobs = whole(1, 256, "number of threads, from")
 runs = whole(1, 10_000_000, "number of seeds, from")
 port = whole(0, 65535, "port, from")
 

@@ -12,6 +12,7 @@ from fullam.cli.output import progress, say
 from fullam.cli.verbs import FAILED, OK, argument, verb
 
 if TYPE_CHECKING:
+    from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
     from fullam.viz.viewer.replay import Film
     from fullam.viz.viewer.server import ViewerServer
@@ -26,9 +27,33 @@ SETTINGS = argument(
 )
 
 
+SERVER = (
+    argument("--open", action="store_true", help="open the page in the default browser"),
+    argument(
+        "--port", type=options.port, metavar="N", help="(default: the first free one from 7000)"
+    ),
+    argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="listen there, 0.0.0.0 for everywhere; whoever has the page's address can then steer "
+        "the flight from another machine, and nothing is encrypted (default: this machine only)",
+    ),
+    argument(
+        "--allow-host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a name under which a proxy asks for the page, * for any; may be repeated",
+    ),
+    argument("--save", type=options.run_path, metavar="FILE", help="keep the record (.npz)"),
+)
+
+
 speed = options.between(1e-3, 1e3, "speed, from")
 distance = options.between(-1e4, 1e4, "distance in m, from")
 seconds = options.between(0.0, 1e5, "time in s, from")
+duration = options.between(0.1, 1e4, "time in s, from")
 
 
 @verb(
@@ -39,10 +64,7 @@ seconds = options.between(0.0, 1e5, "time in s, from")
     *options.FLIGHT,
     argument("--speed", type=speed, default=1.0, metavar="X", help="of the live flight (1)"),
     argument("--offset", type=distance, metavar="M", help="between flights side by side [m]"),
-    argument("--open", action="store_true", help="open the page in the default browser"),
-    argument(
-        "--port", type=options.port, metavar="N", help="(default: the first free one from 7000)"
-    ),
+    *SERVER,
     argument("--wait", type=seconds, default=10.0, metavar="S", help="for a page to open (10)"),
     argument("--once", action="store_true", help="stop when the live flight is over"),
     argument("--html", type=Path, metavar="FILE", help="write a page that plays offline"),
@@ -58,8 +80,11 @@ def view_flight(arguments: argparse.Namespace) -> int:
     Run files (.npz) are replayed, several of them side by side. With --html, --png or --gif
     nothing is served: the flight is written to those files. Ctrl-C stops.
 
-    The page is served to this machine only, without a password. From elsewhere use a tunnel:
-    ssh -L 7000:127.0.0.1:7000 HOST.
+    The vehicle can be touched while it flies: pulled with the mouse, its target dragged, its law
+    and weather switched, rotors stopped; and a moment that has been flown can be gone back to.
+
+    The page is served to this machine only; its address holds a secret, and whoever has it can
+    touch the flight. From elsewhere use a tunnel: ssh -L 7000:127.0.0.1:7000 HOST.
     """
     records = [name for name in arguments.target if name.endswith(".npz")]
     if len(records) < len(arguments.target) and len(arguments.target) > 1:
@@ -81,47 +106,45 @@ def view_flight(arguments: argparse.Namespace) -> int:
     if arguments.html or arguments.png or arguments.gif:
         _export(shown, arguments)
     else:
-        from fullam.viz.viewer.server import ViewerServer
-
-        with ViewerServer(arguments.port) as server:
+        with _server(arguments) as server:
             server.play(shown)
-            _announce(server, arguments.open)
+            _announce(server, arguments)
             _until_interrupted()
     return FAILED if any(run.diverged for run in runs) else OK
 
 
 def _fly(arguments: argparse.Namespace) -> Run:
-    from fullam.cli.flying import fly
+    from fullam.cli.flying import flown
 
-    run, _ = fly(arguments_with_scenario(arguments), arguments.controller, dict(arguments.set))
+    run, _ = flown(_prepared(arguments))
     return run
 
 
-def arguments_with_scenario(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments as `fullam run` has them."""
-    return argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+def _prepared(arguments: argparse.Namespace) -> FlightPlan:
+    from fullam.cli.flying import prepared
+
+    as_run_has_them = argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
+    return prepared(as_run_has_them, arguments.controller, dict(arguments.set))
 
 
 def _fly_live(arguments: argparse.Namespace) -> int:
-    from fullam.simulation.simulate import prepare
-    from fullam.viz.viewer.live import LiveFlight
-    from fullam.viz.viewer.replay import film
-    from fullam.viz.viewer.server import ViewerServer
+    return _show_live(_prepared(arguments), arguments)
 
-    plan = prepare(
-        arguments.target[0],
-        arguments.controller,
-        settings=dict(arguments.set),
-        **options.flight_arguments(arguments),
-    )
+
+def _show_live(plan: FlightPlan, arguments: argparse.Namespace) -> int:
+    """Fly a plan on a page until it is over, or, unless --once, until Ctrl-C."""
+    from fullam.viz.viewer.live import LiveFlight
+
     live = LiveFlight(plan)
-    with ViewerServer(arguments.port) as server:
+    with _server(arguments) as server:
         live.show(server)
-        _announce(server, arguments.open)
+        _announce(server, arguments)
         try:
             server.wait_for_page(arguments.wait)
-            report = live.fly(server, arguments.speed)
+            report = live.fly(server, arguments.speed, stay=not arguments.once)
         except KeyboardInterrupt:
+            if arguments.save and live.flight.period > 1:
+                say(f"run saved to {live.flight.record.save(arguments.save)}")
             return OK
         run = report.run
         say(
@@ -129,18 +152,74 @@ def _fly_live(arguments: argparse.Namespace) -> int:
             f"{report.wall_time:.2f} s, {report.frame_rate:.0f} frames/s, at most "
             f"{1000.0 * report.latest:.0f} ms late, {run.outcome}"
         )
-        if not arguments.once:
-            server.play(film(run))
-            _until_interrupted()
+        if arguments.save:
+            say(f"run saved to {run.save(arguments.save)}")
     return FAILED if run.diverged else OK
 
 
-def _announce(server: ViewerServer, open_browser: bool) -> None:
+@verb(
+    "fly",
+    argument("vehicle", metavar="VEHICLE", help="name (see `fullam list`) or TOML file"),
+    argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
+    SETTINGS,
+    *[flag for flag in options.FLIGHT if flag[0][0] not in ("--vehicle", "--shape")],
+    argument("--speed", type=speed, default=1.0, metavar="X", help="seconds in a second (1)"),
+    argument(
+        "--duration", type=duration, default=300.0, metavar="S", help="longest flight [s] (300)"
+    ),
+    *SERVER,
+    argument("--wait", type=seconds, default=10.0, metavar="S", help="for a page to open (10)"),
+    argument("--once", action="store_true", help="stop when the flight is over"),
+)
+def fly_free(arguments: argparse.Namespace) -> int:
+    """Fly a vehicle by hand.
+
+    It hovers, in calm air unless --weather says otherwise, until you touch it on the page whose
+    address is printed: pull it with the mouse, drag its target, move its arm, switch its law, stop
+    a rotor, go back in time and fly on otherwise. With --save the record is kept at the end
+    (Ctrl-C), with all that was done; `fullam view FILE` replays it.
+
+    The page is served to this machine only; its address holds a secret, and whoever has it can
+    touch the flight. From elsewhere use a tunnel: ssh -L 7000:127.0.0.1:7000 HOST.
+    """
+    from fullam.model.loading import load_vehicle
+    from fullam.simulation.free import plan_of
+
+    simulation = options.simulation_settings(arguments)
+    simulation.check_length(arguments.duration)
+    plan = plan_of(
+        load_vehicle(arguments.vehicle),
+        arguments.controller,
+        arguments.duration,
+        seed=arguments.seed,
+        calm=arguments.calm,
+        weather=arguments.weather,
+        settings=dict(arguments.set),
+        simulation=simulation,
+    )
+    return _show_live(plan, arguments)
+
+
+def _server(arguments: argparse.Namespace) -> ViewerServer:
+    from fullam.viz.viewer.server import ViewerServer
+
+    return ViewerServer(arguments.port, arguments.host, arguments.allow_host)
+
+
+def _announce(server: ViewerServer, arguments: argparse.Namespace) -> None:
     import sys
 
-    say(f"open {server.url} (this machine only; Ctrl-C stops)")
+    from fullam.viz.viewer.server import LOOPBACK
+
+    if arguments.host in LOOPBACK:
+        say(f"open {server.url} (this machine only; Ctrl-C stops)")
+    else:
+        say(
+            f"open {server.url} (also from other machines: whoever has this address, or listens "
+            "on the network, can touch the flight; Ctrl-C stops)"
+        )
     sys.stdout.flush()
-    if open_browser:
+    if arguments.open:
         import webbrowser
 
         webbrowser.open(server.url)

@@ -1,4 +1,4 @@
-"""Free flight: a vehicle in the hand, without a scenario."""
+"""Plans of flights in the hand: of a scenario, or of free flight without one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Unpack
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import AXES, Scenario, load_scenario, scenario_names
 from fullam.simulation.simulate import Choices, prepare
@@ -36,28 +36,19 @@ def free_flight(vehicle: Vehicle, duration: float = LONGEST_FREE) -> Scenario:
     )
 
 
-def fly(
-    subject: Vehicle | Scenario | str = "fullam",
+def plan_of(
+    subject: Vehicle | Scenario | str,
     controller: str = "dc-pid",
-    *,
     duration: float | None = None,
     **choices: Unpack[Choices],
-) -> InteractiveFlight:
-    """A flight in the hand, standing at its start: fly it on, touch it, go back, fly on otherwise.
-
-        flight = fullam.fly("fullam")
-        flight.target = [0.5, 0.0, 1.5]
-        flight.advance(2.0)
-        flight.push([3.0, 0.0, 0.0], at="tool", duration=1.0)
-        flight.advance(3.0)
-        run = flight.record            # `fullam.refly(run)` gives it again, bit for bit
+) -> FlightPlan:
+    """The plan of a scenario, or of a vehicle's free flight.
 
     Args:
         subject: A vehicle, its name or path, for a free flight; or a scenario or its name.
         controller: Name of a registered controller.
-        duration: When it ends at the latest [s]; 300 by default in free flight. `run()` flies on
-            till then.
-        **choices: As in `simulate`; free flight is in calm air unless `weather` says otherwise.
+        duration: When it ends at the latest [s]; `LONGEST_FREE` by default in free flight.
+        **choices: As in `simulate`.
 
     Raises:
         FullamError: As `simulate`.
@@ -67,8 +58,8 @@ def fly(
     if isinstance(subject, Scenario):
         if duration is not None:
             subject = replace(subject, duration=duration)
-        return InteractiveFlight(prepare(subject, controller, **choices))
+        return prepare(subject, controller, **choices)
     vehicle = subject if isinstance(subject, Vehicle) else load_vehicle(subject)
     scenario = free_flight(vehicle, LONGEST_FREE if duration is None else duration)
     choices.setdefault("vehicle", vehicle)
-    return InteractiveFlight(prepare(scenario, controller, **choices))
+    return prepare(scenario, controller, **choices)

@@ -23,8 +23,9 @@ Array = NDArray[np.float64]
 POINTS = ("platform", "tool")
 """Where a hand takes hold."""
 
-STIFFNESS, MOST_FORCE = 25.0, 12.0
-"""Of the spring between a pulling hand and the vehicle [N/m], and the most it gives [N]."""
+STIFFNESS, MOST_FORCE = 0.5, 0.25
+"""Of the spring between a pulling hand and the vehicle [weights/m], and the most it gives, in
+weights of the nominal vehicle: a hand at the tool that pulls with more turns most of them over."""
 
 
 class Push(NamedTuple):
@@ -56,10 +57,15 @@ NOTHING = Felt(Spatial(ZERO, ZERO), ZERO, ZERO)
 
 
 class Holds:
-    """Where the points that a hand may hold are."""
+    """Where the points that a hand may hold are.
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        """Own a workspace for the vehicle that flies."""
+    Attributes:
+        weight: Of the nominal vehicle [N].
+    """
+
+    def __init__(self, nominal: Vehicle) -> None:
+        """Own a workspace; the true vehicle's joints are where the nominal one's are."""
+        vehicle, self.weight = nominal, nominal.mass * nominal.gravity
         self._model, self._data = vehicle.model, vehicle.create_data()
         self._tool = vehicle.model.getFrameId(vehicle.tool)
 
@@ -74,11 +80,11 @@ class Holds:
         return x, y, z
 
 
-def spring(hand: Vector, foot: Vector) -> Vector:
-    """Force of the spring on the vehicle [N]."""
-    force: Vector = scale(STIFFNESS, subtract(hand, foot))
-    size = math.sqrt(dot(force, force))
-    return force if size <= MOST_FORCE else scale(MOST_FORCE / size, force)
+def spring(hand: Vector, foot: Vector, weight: float) -> Vector:
+    """Force of the spring on a vehicle of that weight [N]."""
+    force: Vector = scale(STIFFNESS * weight, subtract(hand, foot))
+    size, most = math.sqrt(dot(force, force)), MOST_FORCE * weight
+    return force if size <= most else scale(most / size, force)
 
 
 def felt(force: HandForce, holds: Holds, pose: Array, arm: Array) -> Felt:
@@ -89,7 +95,7 @@ def felt(force: HandForce, holds: Holds, pose: Array, arm: Array) -> Felt:
     total, moment, foot, pull = ZERO, ZERO, ZERO, ZERO
     if force.hand is not None:
         foot = holds.place(force.at, pose, arm)
-        total = pull = spring(force.hand, foot)
+        total = pull = spring(force.hand, foot, holds.weight)
         moment = cross(subtract(foot, origin), pull)
     for push in force.pushes:
         where = holds.place(push.at, pose, arm)

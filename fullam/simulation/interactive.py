@@ -8,15 +8,15 @@ has been flown can be gone back to, and flown on from in another way.
 from __future__ import annotations
 
 import bisect
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from fullam.control.signals import Ahead, Target
-from fullam.dynamics.pose_space import pose_from_euler
 from fullam.dynamics.spatial import Spatial, add_spatial
 from fullam.exceptions import InvalidInput
 from fullam.numbers.records import Rows, flat, record
@@ -30,6 +30,7 @@ from fullam.simulation.interventions import Intervention, intervention
 from fullam.simulation.run import Run
 from fullam.simulation.servos import MovingArm, MovingCenters
 from fullam.simulation.snapshots import Saved, can_be_saved, saved_fields, saved_rows
+from fullam.simulation.touch import Touch
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class Moment(NamedTuple):
     parts: list[Saved]
 
 
-class InteractiveFlight:
+class InteractiveFlight(Touch):
     """A plan flown by Python, period by period, under somebody's hands.
 
     Attributes:
@@ -67,6 +68,7 @@ class InteractiveFlight:
         flight: Who flies it.
         script: All interventions, in order; those that are still to come in a flight flown again.
         felt: Wrench of the hands in the last period, and the pull alone.
+        lock: Held while it flies or is touched: several threads may do so.
     """
 
     def __init__(self, plan: FlightPlan, script: Iterable[Intervention] = ()) -> None:
@@ -77,6 +79,7 @@ class InteractiveFlight:
             script: What is going to be done to it.
         """
         self.plan, self.script = plan, list(script)
+        self.lock = threading.RLock()
         self.flight = flight = Flight(plan)
         tables, s = flight.block.tables, plan.simulation
         look = flight.lists.of
@@ -84,7 +87,7 @@ class InteractiveFlight:
         half_step, per_period = 0.5 * s.plant_period, 2 * s.substeps
         self._arm = MovingArm(look(tables.motions), tables.arm_stride, per_period, half_step)
         self._no_lead = record(Ahead, np.zeros(15))
-        self._holds, self.felt = Holds(plan.true), NOTHING
+        self._holds, self.felt = Holds(plan.nominal), NOTHING
         self._change = CrewChange(flight, plan)
         self.hands = Hands()
         rows = len(plan.t)
@@ -164,6 +167,10 @@ class InteractiveFlight:
 
     def step(self) -> bool:
         """Fly the next control period; False if the flight is over."""
+        with self.lock:
+            return self._step()
+
+    def _step(self) -> bool:
         k = self.period
         if self.outcome != "flying" or k >= len(self.plan.t):
             return self.flight.step()
@@ -223,6 +230,10 @@ class InteractiveFlight:
         Raises:
             InvalidInput: Less than two control periods have been flown.
         """
+        with self.lock:
+            return self._record()
+
+    def _record(self) -> Run:
         flight, plan, rows = self.flight, self.plan, self.flight.ticks_flown
         outcome = "completed" if self.outcome == "flying" else self.outcome
         horizon = plan.scenario.duration
@@ -248,6 +259,19 @@ class InteractiveFlight:
         log = flight.block.columns(rows)
         return finish(plan, log, outcome, flight.reason, touched=touched)
 
+    def row(self, k: int) -> dict[str, Array]:
+        """What was recorded in a period: the columns of `stages.Entry`, and those hands change."""
+        with self.lock:
+            self.flight.lists.write_back()
+            log = self.flight.block.columns(k + 1, copy=False)
+            row = {name: np.array(c[k]) for name, c in log.items()}
+        row |= {"arm": self._joints[0, k].copy(), "arm_rate": self._joints[1, k].copy()}
+        return row | {"reference_pose": self._asked[k].copy(), "disturbance": self.load(k)}
+
+    def load(self, k: int) -> Array:
+        """Gust and hands on the platform in a period that was flown, world axes, shape (6,)."""
+        return np.array(self._loads[k])
+
     # Going back.
 
     @property
@@ -272,6 +296,10 @@ class InteractiveFlight:
         if not 0 <= period <= self.period:
             remedy = f"give 0 to {self.time:g} s"
             raise InvalidInput("flight", "time", f"is {time!r} s", remedy)
+        with self.lock:
+            self._rewind(period)
+
+    def _rewind(self, period: int) -> None:
         self.script = [done for done in self.script if done.period < period]
         if not self._moments:
             return
@@ -297,83 +325,8 @@ class InteractiveFlight:
             InvalidInput: It cannot be done.
             UnknownName: No such controller, estimator or weather.
         """
-        done = intervention(self.period, kind, values)
-        self._change.check(done, self.hands.crew)
-        self.script.append(done)
+        with self.lock:
+            done = intervention(self.period, kind, values)
+            self._change.check(done, self.hands.crew)
+            self.script.append(done)
         return done
-
-    @property
-    def target(self) -> Array:
-        """Where the target shall go, [p, quaternion xyzw]; set it, or its position alone."""
-        for done in reversed(self.script[self.hands.done :]):
-            if done.kind == "target":
-                return np.array([*done.values["position"], *done.values["attitude"]])
-        if self.hands.goal is not None:
-            return np.array(flat(self.hands.goal))
-        return np.array(self.plan.asked.pose[min(self.period, len(self.plan.t) - 1)])
-
-    @target.setter
-    def target(self, pose: ArrayLike) -> None:
-        numbers = np.asarray(pose, dtype=float)
-        if numbers.shape not in ((3,), (7,)):
-            remedy = "give a position, or [p, quaternion xyzw]"
-            raise InvalidInput("flight", "target", f"has shape {numbers.shape}", remedy)
-        attitude = numbers[3:] if numbers.size == 7 else self.target[3:]
-        self.do("target", {"position": numbers[:3], "attitude": attitude})
-
-    def aim(
-        self, position: ArrayLike | None = None, euler_deg: ArrayLike = (0.0, 0.0, 0.0)
-    ) -> None:
-        """Set the target by its position [m] (as it is if None) and x-y-z Euler angles [deg]."""
-        place = self.target[:3] if position is None else np.asarray(position, dtype=float)
-        self.target = pose_from_euler(place, np.radians(np.asarray(euler_deg, dtype=float)))
-
-    def push(
-        self,
-        force: ArrayLike,
-        moment: ArrayLike = (0.0, 0.0, 0.0),
-        at: str = "tool",
-        duration: float = 1.0,
-    ) -> None:
-        """Push with a force [N] and a moment [N m], world axes, at "tool" or "platform"."""
-        values = {"force": np.asarray(force), "moment": np.asarray(moment)}
-        self.do("push", {**values, "at": at, "duration": duration})
-
-    def pull(self, hand: ArrayLike, at: str = "tool") -> None:
-        """Hang a spring between a point of the world [m] and the "tool" or the "platform"."""
-        self.do("pull", {"hand": np.asarray(hand), "at": at})
-
-    def release(self) -> None:
-        """Let go of the spring."""
-        self.do("release", {})
-
-    def move_arm(self, arm_deg: ArrayLike) -> None:
-        """Send the joints somewhere [deg; m of a prismatic joint], as fast as their servos can."""
-        self.do("arm", {"positions": self.plan.nominal.joints.from_typed(arm_deg)})
-
-    def switch(
-        self,
-        controller: str | None = None,
-        settings: Mapping[str, Any] | None = None,
-        estimator: str | None = None,
-        weather: Any = None,
-    ) -> None:
-        """Fly on under another law (`settings`: of it), with another estimator, in other weather.
-
-        Laws and estimators begin afresh. The true vehicle stays the one that took off.
-        """
-        if controller is not None or settings is not None:
-            name = controller or self.flight.controller.name
-            self.do("controller", {"name": name, "settings": dict(settings or {})})
-        if estimator is not None:
-            self.do("estimator", {"name": estimator})
-        if weather is not None:
-            self.do("weather", {"weather": weather})
-
-    def fail_rotor(self, index: int, known: bool = False) -> None:
-        """Stop a rotor (from 0); if `known`, the allocation does without it from then on."""
-        self.do("rotor", {"index": index, "fails": True, "known": known})
-
-    def repair_rotor(self, index: int) -> None:
-        """Let a rotor work again."""
-        self.do("rotor", {"index": index, "fails": False})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -144,13 +144,22 @@ def simulate(
         SettingsError: A setting that the controller does not accept; or driver="fused" for a law
             or an estimator that is not written as kernels. The message names it.
     """
-    if not isinstance(driver, str) or driver not in DRIVERS:
-        raise UnknownName("driver", driver, DRIVERS)
-    plan = prepare(scenario, controller, **choices)
-    run = fused.fly(plan, progress) if driver == "fused" else fly_by_python(plan, progress)
+    fly = pilot(driver)
+    run = fly(prepare(scenario, controller, **choices), progress)
     if run.diverged and throw:
         raise Diverged(run, run.metadata["reason"])
     return run
+
+
+def pilot(driver: str) -> Callable[[FlightPlan, Progress | None], Run]:
+    """Who flies a prepared plan.
+
+    Raises:
+        UnknownName: No such driver.
+    """
+    if not isinstance(driver, str) or driver not in DRIVERS:
+        raise UnknownName("driver", driver, DRIVERS)
+    return fused.fly if driver == "fused" else fly_by_python
 
 
 def fly_by_python(plan: FlightPlan, progress: Progress | None = None) -> Run:

@@ -77,9 +77,9 @@ def nees_of_flight(plan, estimator=None):
     for k in flight.ticks():
         if k < 100 or k % EVERY:
             continue
-        state, pose = flight.estimator.state, flight._log["pose"][k]
-        v = Rotation.from_quat(pose[3:]).apply(flight._log["velocity"][k, :3])
-        values.append(squared_error(state.late[0], np.array(state.covariance), pose, v))
+        state, true = flight.estimator.state, flight.lists.of(flight.block.entries)[k]
+        P, pose = np.array(state.covariance), np.concatenate(true.pose)
+        values.append(squared_error(state.late[0], P, pose, np.array(true.velocity.linear)))
     return values
 
 

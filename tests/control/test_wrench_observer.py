@@ -11,7 +11,7 @@ from fullam.control.pid import Pid
 from fullam.control.wrench_observer import asked, nothing_observed, observed, observer_numbers
 from fullam.dynamics.integrators import integrator
 from fullam.dynamics.multibody import Multibody, rotation_of
-from fullam.dynamics.spatial import Spatial
+from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.loading import load_vehicle
 from fullam.numbers.records import flat, record
 
@@ -72,14 +72,17 @@ class Body:
         for _ in range(steps):
             start = self.actual_A.copy()
 
-            def acceleration(stage, q, v, start=start):
+            def acceleration(_, stage, pose, twist, start=start):
+                q, v = self.m.q.copy(), self.m.v.copy()
+                q[:7], v[:6] = [*flat(pose)], [*flat(twist)]
                 ddtheta = self._arm(self.t + 0.5 * stage * h, q, v)
                 w_A = command_A + (start - command_A) * np.exp(-0.5 * stage * h / LAG)
                 w_A = w_A + (disturbance_W.reshape(2, 3) @ rotation_of(q)).ravel()
-                return np.append(self.body.base_acceleration(q, v, ddtheta, w_A), ddtheta)
+                return record(Spatial, self.body.base_acceleration(q, v, ddtheta, w_A))
 
-            step = integrator("midpoint").step
-            step(self.vehicle.model, acceleration, self.m.q, self.m.v, h)
+            pose, twist = record(Pose, self.m.q[:7]), record(Spatial, self.m.v[:6])
+            pose, twist, _ = integrator("midpoint").step(acceleration, None, pose, twist, h)
+            self.m.q[:7], self.m.v[:6] = [*flat(pose)], [*flat(twist)]
             self.actual_A = command_A + (start - command_A) * np.exp(-h / LAG)
             self.t += h
             self._arm(self.t, self.m.q, self.m.v)

@@ -13,71 +13,24 @@ import functools
 import io
 import json
 import re
-import shutil
-import signal
-import tempfile
 import tomllib
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from answers import answered, folder
+from commands import attack_command, command_lines
 from hypothesis import strategies as st
 from values import damaged, document, json_values, toml_values, torn
 
 import fullam
-from fullam.cli import main
-from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario
-
-PATIENCE = 10
-"""What takes longer hangs [s]."""
-
-
-class Hang(BaseException):
-    """Nobody may catch it by accident."""
-
-
-@contextlib.contextmanager
-def patience(seconds: int = PATIENCE) -> Iterator[None]:
-    """Ends what takes too long."""
-
-    def ring(*_: object) -> None:
-        raise Hang(f"no answer after {seconds} s")
-
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
-
-
-def answered(call: Callable[[], Any]) -> Any:
-    """The result, which is something, or None where it was refused as it should be."""
-    with patience(), warnings.catch_warnings():
-        # An overflow on the way is a number beyond sense that got too far.
-        warnings.simplefilter("error", RuntimeWarning)
-        try:
-            return call()
-        except FullamError as error:
-            assert str(error).endswith("."), f"no sentence: {error}"
-            assert len(str(error)) < 20_000
-            return None
-
-
-@functools.cache
-def folder() -> Path:
-    """A folder for this process."""
-    return Path(tempfile.mkdtemp(prefix="hostile-"))
-
 
 # --- vehicles ---------------------------------------------------------------------------------
 
@@ -304,7 +257,7 @@ def rewritten_stores(draw: st.DrawFn) -> bytes:
             st.sampled_from(("drop", "rename", "retype", "empty", "double", "stamp", "raw"))
         ):
             case "drop":
-                rows = rows.drop_columns([name])
+                rows = rows.remove_column(at)
             case "rename":
                 rows = rows.rename_columns([f"{n}x" if n == name else n for n in rows.schema.names])
             case "retype":
@@ -345,82 +298,6 @@ def attack_store(case: bytes) -> None:
     parts.mkdir(exist_ok=True)
     (parts / "part-0.parquet").write_bytes(case)
     answered(lambda: CampaignStore(folder() / "q.parquet", campaign.identity(), False).keys)
-
-
-# --- command lines ----------------------------------------------------------------------------
-
-WORDS = (
-    *("0", "-1", "1", "1e308", "1e-300", "nan", "inf", "70000", "1000000000000", "9" * 400, ""),
-    *("9" * 5000, "x", "dc-pid", "pid", "calm", "paper", "kalman", "truth", "fastest", "a,b", ","),
-    *("position_gains=[1,2,3]", "compensation=x", "position_gains=" + "[" * 2000, "=", "a\0b"),
-    *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
-)
-OPTIONS = {
-    "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
-            "--estimator --figure --driver --calm --json"),
-    "compare": "--controllers --seed --weather --vehicle --control-rate --figure --calm --json",
-    "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
-              "--weather"),
-    "list": "--json",
-    "equations": "--json",
-    "plot": "--what --out",
-    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --calm",
-    "sweep": ("--controllers --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
-              "--tls-ca --driver --json"),
-    "tune": "--budget --seed --jobs --driver",
-    "": "--version --help --nonsense",
-}  # fmt: skip
-WITHOUT_VALUE = {"--calm", "--json", "--tuned", "--no-gusts", "--overwrite", "--version", "--help"}
-EXPENSIVE = {("--runs", "1"): "1", ("--jobs", "1"): "1"}
-
-
-@st.composite
-def command_lines(draw: st.DrawFn) -> list[str]:
-    """A verb with arguments that it knows and values that it may not."""
-    verb = draw(st.sampled_from(sorted(OPTIONS)))
-    line = [verb] if verb else []
-    if verb in ("run", "compare", "sweep", "view", "check", "plot", "equations"):
-        good = {"check": "quadrotor_arm", "plot": "r.npz", "equations": "12"}.get(verb, "good.toml")
-        line.append(draw(st.one_of(st.just(good), st.sampled_from(WORDS))))
-    elif verb == "tune":
-        line.append(draw(st.sampled_from(WORDS)))
-        line += ["--budget", "1"]  # an honest one would fly for minutes
-    for option in draw(st.lists(st.sampled_from(OPTIONS[verb].split()), max_size=3)):
-        line.append(option)
-        if option not in WITHOUT_VALUE:
-            line.append(draw(st.sampled_from(WORDS)))
-    if verb == "sweep":
-        line += ["--out", str(folder() / "c" / "sweep.parquet"), "--runs", "1"]
-    if verb == "view":
-        line += ["--html", str(folder() / "c" / "view.html")]
-    if verb == "check":
-        line += ["--samples", "3"] if "--samples" not in line else []
-    return line
-
-
-def attack_command(case: list[str]) -> None:
-    """Every command ends with 0, 1 or 2 and, if not well, one complaint in words."""
-    work = folder() / "c"
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir()
-    good = document({"name": "good", "duration": 0.05})
-    (work / "good.toml").write_text(good, encoding="utf-8")
-    out, err = io.StringIO(), io.StringIO()
-    with (
-        contextlib.chdir(work),
-        contextlib.redirect_stdout(out),
-        contextlib.redirect_stderr(err),
-        patience(),
-        warnings.catch_warnings(),
-    ):
-        warnings.simplefilter("ignore")
-        code = main(case)
-    assert code in (0, 1, 2), code
-    assert "Traceback" not in err.getvalue()
-    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", out.getvalue() + err.getvalue())
-    assert code != 2 or err.getvalue().strip()
-    if "--json" in case and code == 0:
-        json.loads(out.getvalue())
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ SCRIPT = """
 import sys, time
 sys.path.insert(0, {here!r})
 import kills
-kills.sweep(kills.campaign(), sys.argv[1], jobs=int(sys.argv[2]), progress=lambda done, total:
+out, driver, jobs = sys.argv[1:]
+kills.sweep(kills.campaign(driver), out, jobs=int(jobs), progress=lambda done, total:
     print(done, time.monotonic(), flush=True))
 """
 
@@ -48,21 +49,30 @@ class Toll:
         return sum(vars(self).values()) - self.killed
 
 
-def campaign() -> Campaign:
+SEEDS = {"python": 10, "fused": 8000}
+"""As many flights as each driver flies in some seconds."""
+
+
+def campaign(driver: str) -> Campaign:
     """Some seconds of flights."""
     short = replace(load_scenario("position-1"), name="short", duration=2.0)
-    return Campaign((short,), ("pid", "dc-pid"), tuple(range(40)))
+    return Campaign((short,), ("pid", "dc-pid"), tuple(range(SEEDS[driver])), driver=driver)
 
 
 def kill_sweeps(count: int, folder: Path, seed: int = 0) -> Toll:
     """Kill sweeps at random moments, go on, and compare the end with an undisturbed one."""
     toll, draw = Toll(), random.Random(seed)
-    whole, wanted = folder / "whole.parquet", campaign()
-    sweep(wanted, whole, overwrite=True)
+    campaigns = {driver: campaign(driver) for driver in SEEDS}
+    wholes = {driver: folder / f"whole-{driver}.parquet" for driver in SEEDS}
+    for driver, path in wholes.items():
+        sweep(campaigns[driver], path, overwrite=True)
     for k in range(count):
         out, jobs = folder / f"killed-{k}.parquet", draw.choice((1, 2))
+        driver = list(SEEDS)[k % len(SEEDS)]
+        wanted, whole = campaigns[driver], wholes[driver]
+        process = _start(out, driver, jobs)
         hard = draw.random() < 0.7
-        told, family, complaint = _stopped(out, jobs, draw.uniform(0.8, 5.0), hard, draw)
+        told, family, complaint = _stopped(process, draw.uniform(0.8, 5.0), hard, draw)
         toll.killed += 1
         toll.tracebacks += not hard and complaint.count("Traceback") > 1
         toll.orphans += len(psutil.wait_procs(family, timeout=10.0)[1])
@@ -74,14 +84,14 @@ def kill_sweeps(count: int, folder: Path, seed: int = 0) -> Toll:
         left = {p.name for p in folder.glob(f"*killed-{k}*")} - {out.name}
         toll.leftovers += len(left)
         out.unlink()
-    toll.mixed = _two_at_once(folder, whole)
+    toll.mixed = _two_at_once(folder, wholes["python"])
     return toll
 
 
-def _start(out: Path, jobs: int) -> subprocess.Popen[str]:
+def _start(out: Path, driver: str, jobs: int) -> subprocess.Popen[str]:
     code = SCRIPT.format(here=str(Path(__file__).parent))
     return subprocess.Popen(
-        [sys.executable, "-c", code, str(out), str(jobs)],
+        [sys.executable, "-c", code, str(out), driver, str(jobs)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -91,10 +101,9 @@ def _start(out: Path, jobs: int) -> subprocess.Popen[str]:
 
 
 def _stopped(
-    out: Path, jobs: int, after: float, hard: bool, draw: random.Random
+    process: subprocess.Popen[str], after: float, hard: bool, draw: random.Random
 ) -> tuple[int, list[psutil.Process], str]:
     """Rows told of long enough before the end, the processes that there were, complaints."""
-    process = _start(out, jobs)
     time.sleep(after)
     try:
         family = psutil.Process(process.pid).children(recursive=True)
@@ -114,7 +123,7 @@ def _stopped(
 def _two_at_once(folder: Path, whole: Path) -> int:
     """Two sweeps on one file: one says that it may not, the other's file is whole."""
     out = folder / "two.parquet"
-    first, second = _start(out, 1), _start(out, 1)
+    first, second = (_start(out, "python", 1) for _ in range(2))
     ends = [process.communicate(timeout=120.0)[1] for process in (first, second)]
     codes = sorted(process.returncode for process in (first, second))
     refused = sum("being written by another process" in end for end in ends)

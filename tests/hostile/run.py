@@ -19,6 +19,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import answers
 import api
 import attacks
 import numpy as np
@@ -61,7 +62,7 @@ def run_attack(attack: attacks.Attack, cases: int, number: int) -> Row:
         outcomes["cases"] += 1
         try:
             attack.happen(case)
-        except attacks.Hang:
+        except answers.Hang:
             outcomes["hangs"] += 1
             keep(attack.name, case)
         except Exception:  # noqa: BLE001 - all of them are counted, the first ones shown
@@ -85,7 +86,7 @@ def run_attack(attack: attacks.Attack, cases: int, number: int) -> Row:
 
 def keep(name: str, case: Any) -> None:
     """Write down what did harm."""
-    folder = attacks.folder() / "kept"
+    folder = answers.folder() / "kept"
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}-{len(list(folder.iterdir()))}.txt"
     path.write_text(repr(case), encoding="utf-8", errors="backslashreplace")
@@ -96,7 +97,7 @@ def run_flights(count: int, jobs: int) -> Row:
     """dc-PID in the paper's scenarios and weather."""
     seeds = tuple(range(max(1, count // len(PAPER))))
     campaign = Campaign(PAPER, ("dc-pid",), seeds, driver=FASTEST)
-    rows = sweep(campaign, attacks.folder() / "flights.parquet", jobs=jobs)
+    rows = sweep(campaign, answers.folder() / "flights.parquet", jobs=jobs)
     lost = rows.column("outcome") != "completed"
     excursion = float(np.nanmax(rows.column("max_excursion_mm"))) / 1e3
     where = Counter(rows.column("scenario")[lost].tolist())

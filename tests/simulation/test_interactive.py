@@ -141,8 +141,9 @@ def test_a_pull_is_a_spring_between_hand_and_tool():
     flight.advance(0.05)
     run = flight.record
     foot, pull = np.hsplit(hand_forces(run), 2)
-    np.testing.assert_allclose(pull[10:40], STIFFNESS * (hand - foot[10:40]), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(pull[40:45], axis=1), MOST_FORCE)
+    weight = run.vehicle.mass * run.vehicle.gravity
+    np.testing.assert_allclose(pull[10:40], STIFFNESS * weight * (hand - foot[10:40]), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(pull[40:45], axis=1), MOST_FORCE * weight)
     np.testing.assert_array_equal(foot[40:45], run.pose[40:45, :3])
     assert not pull[:10].any() and not pull[45:].any()
     np.testing.assert_array_equal(pull, run.disturbance[:, :3])

@@ -37,7 +37,7 @@ def test_a_live_flight_says_where_and_how_it_went(tmp_path, capsys):
     assert main(asked) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("open http://127.0.0.1:")
-    assert "0.20 s flown in 0.1" in second and second.endswith("completed")
+    assert "short, dc-pid: 0.20 s flown in 0." in second and second.endswith("completed")
 
 
 def test_a_missing_browser_is_a_message_and_not_a_trace(record, tmp_path, capsys, monkeypatch):

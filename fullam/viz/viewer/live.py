@@ -1,4 +1,8 @@
-"""A flight in real time: the simulation goes on by the clock, the page gets what it can take."""
+"""A flight in real time: it goes on by the clock, the page gets what it can take, hands are heard.
+
+One thread flies. Whatever a page, a notebook or a test wants is put in a queue from any thread and
+done by that one between two control periods; nobody who speaks or listens makes the flight wait.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.exceptions import InvalidInput
-from fullam.simulation.flight import Flight
+from fullam.analysis.atlas.envelope import Envelope
+from fullam.exceptions import FullamError, InvalidInput
+from fullam.numbers.records import flat
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.interactive import InteractiveFlight
 from fullam.simulation.weather import WEATHERS
+from fullam.viz.viewer.orders import Orders, Transport
 from fullam.viz.viewer.replay import propeller_rates
 from fullam.viz.viewer.scene import Scene, Snapshot, VehicleScene
 
@@ -29,6 +36,12 @@ MOST_FRAMES = 60.0
 
 FEWEST_FRAMES = 5.0
 """Frames sent in a second, at least, even when the simulation lags behind the clock."""
+
+LATEST = 1.5
+"""Farther behind the clock than this the flight does not try to catch up [s]."""
+
+IDLE = 0.008
+"""Time between two looks at what hands want, while nothing flies [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,18 +67,38 @@ class LiveReport:
 
 
 class LiveFlight:
-    """A plan that is flown while one looks.
+    """A flight that goes on while one looks and touches.
 
     Attributes:
         flight: What is flown; it stands at the tick drawn last.
+        transport: Whether it plays, how fast, and which moment of the past is looked at.
+        orders: What pages ask for.
         scene: What is drawn.
     """
 
-    def __init__(self, plan: FlightPlan) -> None:
-        """Lay out the scene; nothing flies yet."""
-        self.plan, self.flight = plan, Flight(plan)
-        vehicle = plan.nominal
+    def __init__(self, flight: FlightPlan | InteractiveFlight, playing: bool = True) -> None:
+        """Lay out the scene; nothing flies yet.
+
+        Args:
+            flight: A plan, or a flight that somebody else may have a hand on, too.
+            playing: Whether it plays as soon as `fly` is called.
+        """
+        if isinstance(flight, FlightPlan):
+            flight = InteractiveFlight(flight)
+        self.transport = Transport(playing)
+        self.orders = Orders(self)
+        self._shown = False
+        self.take(flight)
+
+    def take(self, flight: InteractiveFlight) -> None:
+        """Have this flight in the scene from now on."""
+        self.flight = flight
+        plan, vehicle = flight.plan, flight.plan.nominal
         self._vehicle = VehicleScene(plan.true, plan.controller)
+        try:
+            self._vehicle.forces = Envelope.of(vehicle, plan.arm.theta[0])
+        except FullamError:  # one of these rotors cannot be told what it is asked
+            self._vehicle.forces = None
         weather = next((name for name, w in WEATHERS.items() if w == plan.weather), "own")
         seed = "" if weather == "calm" else f", seed {plan.seed}"
         self.scene = Scene(
@@ -75,45 +108,81 @@ class LiveFlight:
             np.vstack([plan.asked.pose[:, :3], plan.scenario.initial_pose[:3]]),
             plan.scenario.duration,
         )
-        self._shown = False
         self._spin, self._spun = np.zeros(vehicle.rotors.count), 0.0
 
-    def show(self, server: ViewerServer) -> None:
-        """Show the vehicle where it starts."""
-        server.show(self.scene.spec())
-        server.push(self.frame(-1))
+    def show(self, server: ViewerServer, **more: Any) -> None:
+        """Show the vehicle where it is; pages may ask for things from now on."""
+        server.show(self.scene.spec(live=self.orders.choices(), **more))
+        server.push(self.frame())
+        server.hear = self.orders.hear
+        server.tell(self.orders.status())
         self._shown = True
 
-    def frame(self, k: int) -> NDArray[np.float32]:
-        """The frame after tick k, which has just been flown: the vehicle at the next one."""
-        plan, flight = self.plan, self.flight
-        pose, speeds = flight.pose, flight.rotor_speeds
-        k = min(k + 1, plan.t.size - 1)
-        t, row = float(plan.t[k]), plan.arm_row(k)
-        self._spin += (t - self._spun) * propeller_rates(plan.true, speeds)
-        self._spun = t
+    def frame(self) -> NDArray[np.float32]:
+        """The frame of the moment that is looked at: now, or one of the past."""
+        past = self.transport.past
+        if past is not None and past < self.flight.period:
+            return self._past_frame(past)
+        with self.flight.lock:
+            return self._frame()
+
+    def _frame(self) -> NDArray[np.float32]:
+        plan, live, flight = self.flight.plan, self.flight, self.flight.flight
+        pose, speeds, look = flight.pose, flight.rotor_speeds, flight.lists.of
+        arm, arm_rate, arm_acceleration = live.arm
+        block, t = flight.block, live.time
         R_WA = pin.Quaternion(pose[3:]).toRotationMatrix()
-        wrench_A = plan.true.rotors.wrench(speeds)
+        k = min(live.period, len(plan.t) - 1)
         now = Snapshot(
             pose=pose,
             velocity=_turned(R_WA, flight.twist),
-            arm=plan.arm.theta[row],
-            arm_rate=plan.arm.dtheta[row],
-            arm_acceleration=plan.arm.ddtheta[row],
+            arm=arm,
+            arm_rate=arm_rate,
+            arm_acceleration=arm_acceleration,
             rotor_speeds=speeds,
-            rotor_wrench=_turned(R_WA, wrench_A),
-            disturbance=plan.forecast.disturbance[k],
-            target=plan.asked.pose[k],
+            rotor_wrench=_turned(R_WA, plan.true.rotors.wrench(speeds)),
+            disturbance=live.load(k),
+            target=live.target,
             saturated=flight.saturated,
-            spin=self._spin,
+            spin=self._spun_to(t, speeds),
+            u_dc=np.array([*flat(look(block.command)[0].u_dc)]),
+            residual=np.array([*flat(look(block.residual)[0])]),
+            hand=np.array([*live.felt.foot, *live.felt.pull]),
         )
         return self.scene.frame(t, [now])
+
+    def _past_frame(self, k: int) -> NDArray[np.float32]:
+        row, t = self.flight.row(k), float(self.flight.plan.t[k])
+        R_WA = pin.Quaternion(row["pose"][3:]).toRotationMatrix()
+        speeds = row["rotor_speeds"]
+        now = Snapshot(
+            pose=row["pose"],
+            velocity=_turned(R_WA, row["twist"]),
+            arm=row["arm"],
+            arm_rate=row["arm_rate"],
+            arm_acceleration=np.zeros_like(row["arm"]),
+            rotor_speeds=speeds,
+            rotor_wrench=_turned(R_WA, self.flight.plan.true.rotors.wrench(speeds)),
+            disturbance=row["disturbance"],
+            target=row["reference_pose"],
+            saturated=bool(row["saturated"]),
+            spin=self._spun_to(t, speeds),
+            u_dc=row["u_dc"],
+            residual=row["residual"],
+        )
+        return self.scene.frame(t, [now])
+
+    def _spun_to(self, t: float, speeds: Array) -> Array:
+        self._spin += (t - self._spun) * propeller_rates(self.flight.plan.true, speeds)
+        self._spun = t
+        return self._spin
 
     def fly(
         self,
         server: ViewerServer,
         speed: float = 1.0,
         *,
+        stay: bool = False,
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], Any] = time.sleep,
     ) -> LiveReport:
@@ -124,7 +193,8 @@ class LiveFlight:
 
         Args:
             server: Where it is shown.
-            speed: Seconds of flight in a second.
+            speed: Seconds of flight in a second; a page may change it.
+            stay: Stay when the flight is over, to be rewound, until `transport.quit`.
             clock: Seconds that pass.
             sleep: Waits so many seconds.
 
@@ -133,28 +203,87 @@ class LiveFlight:
         """
         if not (np.isfinite(speed) and speed > 0.0):
             raise InvalidInput("live flight", "speed", f"is {speed!r}", "give a number above 0")
+        self.transport.speed = speed
         if not self._shown:
             self.show(server)
+        pace = _Pace(server, self, clock, sleep)
         start = clock()
-        due = drawn = start
-        frames, latest, k = 0, 0.0, 0
-        for k in self.flight.ticks():
-            moment = start + float(self.plan.t[k]) / speed
-            now = clock()
-            if moment > now:
-                sleep(moment - now)
-            late = clock() - moment
-            latest = max(latest, late)
-            # On time, a frame is due sixty times a second; late, only now and then.
-            ready = moment >= due and late < 1.0 / MOST_FRAMES
-            if ready or clock() - drawn >= 1.0 / FEWEST_FRAMES:
-                server.push(self.frame(k), drop=True)
-                drawn = clock()
-                due = max(due + 1.0 / MOST_FRAMES, moment)
-                frames += 1
-        if self.flight.ticks_flown:
-            server.push(self.frame(self.flight.ticks_flown - 1))
-        return LiveReport(self.flight.run(), clock() - start, frames + 1, latest)
+        while not self.transport.quit:
+            self.orders.obey(server, pace)
+            if self.transport.playing and self.flight.step():
+                pace.keep()
+            elif not (stay or not self.transport.playing):
+                break
+            else:
+                self._stand(server, pace, sleep)
+        if self.flight.period:
+            server.push(self.frame())
+        wall = clock() - start
+        return LiveReport(self.flight.record, wall, pace.frames + 1, pace.latest)
+
+    def _stand(self, server: ViewerServer, pace: _Pace, sleep: Callable[[float], Any]) -> None:
+        """Nothing flies; somebody else may have flown on, and hands may want something."""
+        if self.transport.playing:  # it has come to its end
+            self.transport.playing = False
+            server.push(self.frame())
+            server.tell(self.orders.status())
+        elif pace.shown != self.flight.period:
+            server.push(self.frame())  # none follows that would make up for a dropped one
+        pace.shown = self.flight.period
+        pace.rebase()
+        sleep(IDLE)
+
+
+class _Pace:
+    """The clock of a live flight: waits for each tick's moment, and sends frames when they are due.
+
+    Attributes:
+        frames: Frames sent.
+        latest: Largest lag behind the clock [s].
+        shown: Period that was drawn last.
+    """
+
+    def __init__(
+        self,
+        server: ViewerServer,
+        live: LiveFlight,
+        clock: Callable[[], float],
+        sleep: Callable[[float], Any],
+    ) -> None:
+        self._server, self._live, self._clock, self._sleep = server, live, clock, sleep
+        self.frames, self.latest, self.shown = 0, 0.0, -1
+        self._told = 0.0
+        self.rebase()
+
+    def rebase(self) -> None:
+        """Begin to count here and now."""
+        self._start = self._due = self._drawn = self._clock()
+        self._first = self._live.flight.period
+
+    def keep(self) -> None:
+        """Wait for the moment of the tick that was just flown, and draw it if a frame is due."""
+        live, clock = self._live, self._clock
+        ticks = live.flight.period - 1 - self._first
+        period = live.flight.plan.simulation.control_period
+        moment = self._start + ticks * period / live.transport.speed
+        now = clock()
+        if moment > now:
+            self._sleep(moment - now)
+        late = clock() - moment
+        self.latest = max(self.latest, late)
+        # On time, a frame is due sixty times a second; late, only now and then.
+        ready = moment >= self._due and late < 1.0 / MOST_FRAMES
+        if ready or clock() - self._drawn >= 1.0 / FEWEST_FRAMES:
+            self._server.push(live.frame(), drop=True)
+            self._drawn = clock()
+            self._due = max(self._due + 1.0 / MOST_FRAMES, moment)
+            self.frames += 1
+            self.shown = live.flight.period
+            if moment - self._told > 0.25:
+                self._told = moment
+                self._server.tell(live.orders.status())
+        if late > LATEST:
+            self.rebase()
 
 
 def _turned(R_WA: Array, twist: Array) -> Array:

@@ -1,41 +1,26 @@
 // The page: a Meshcat viewer that shows frames, live from a socket or from a film with a slider.
 //
 // A scene is JSON (see fullam/viz/viewer/scene.py). A frame is a Float32Array: the time, then the
-// values of each track in order; WIDTH says how many each kind has.
+// values of each track in order; WIDTH says how many each kind has. Other scripts listen by
+// `fullam.on(event, f)` to "scene" (scene), "frame" (values), "film" (film), "status" (status),
+// "forget" (time) and "live" (whether the server speaks).
 "use strict";
 const fullam = (() => {
   const THREE = MeshCat.THREE;
-  const WIDTH = { pose: 7, thrust: 1, spin: 1, vector: 6, trail: 3, readout: 4 };
+  const WIDTH = { pose: 7, thrust: 1, spin: 1, vector: 6, trail: 3, readout: 4, wrench: 5 };
   const element = (id) => document.getElementById(id);
   const software = Quality.software();
   const viewer = Quality.viewer(element("meshcat-pane"), software);
   const names = (path) => path.split("/");
-  const state = { time: 0, frames: 0, rendered: 0, ready: false, playing: false };
+  const state = { time: 0, frames: 0, rendered: 0, ready: false, playing: false, live: false };
+  const listeners = {};
+  const on = (event, f) => { (listeners[event] ??= []).push(f); };
+  const emit = (event, value) => { for (const f of listeners[event] ?? []) f(value); };
   let scene = null, tracks = [], film = null, ground = null, looked = false, last = null;
+  let status = null, socket = null;
 
-  // Lights and background of our own: a sky, a sun that casts shadows, a soft light from behind.
-  viewer.renderer.outputEncoding = THREE.sRGBEncoding;
-  for (const name of ["SpotLight", "PointLightNegativeX", "PointLightPositiveX", "AmbientLight",
-    "FillLight"]) viewer.set_property(["Lights", name], "visible", false);
-  viewer.set_property(["Grid"], "visible", false);
-  viewer.set_property(["Axes"], "visible", false);
-  viewer.set_property(["Background"], "visible", false);
-  viewer.hide_background();
-  const sky = new THREE.HemisphereLight(0xf4f8ff, 0x8d9aa8, 0.62);
-  sky.position.set(0, 0, 1);
-  viewer.set_object(["Lights", "Sky"], sky);
-  const sun = new THREE.DirectionalLight(0xfff2e0, 0.72);
-  sun.castShadow = true;
-  sun.shadow.mapSize.set(1024, 1024);
-  sun.shadow.bias = -0.0006;
-  sun.shadow.normalBias = 0.01;
-  sun.shadow.radius = 3;
-  viewer.set_object(["Lights", "Sun"], sun);
-  viewer.scene_tree.find(["Lights", "Sun"]).object.add(sun.target);
-  const fill = new THREE.DirectionalLight(0xdfeaff, 0.25);
-  fill.position.set(-3, 4, 2);
-  viewer.set_object(["Lights", "Back"], fill);
-
+  const sun = Camera.lights(viewer);
+  const camera = Camera.control(viewer, sun, place);
   const quality = Quality.control(viewer, sun, software);
   const render = viewer.render.bind(viewer);
   viewer.render = () => { place_labels(); render(); state.rendered++; quality.rendered(); };
@@ -46,6 +31,7 @@ const fullam = (() => {
     scene = next;
     tracks = [];
     last = null;
+    if (!scene.live) status = null;
     stop_film();
     ground = ground ?? Shapes.ground();
     viewer.set_object(["ground"], ground.group);
@@ -54,6 +40,8 @@ const fullam = (() => {
     let at = 1;
     element("labels").replaceChildren();
     element("readouts").replaceChildren();
+    element("warning").textContent = "";
+    if (scene.clock !== false) head_readouts();
     for (const vehicle of scene.vehicles) {
       for (const specs of Shapes.groups(vehicle.shapes)) add_shapes(specs);
       vehicle.labelled = Object.assign(document.createElement("div"),
@@ -72,8 +60,10 @@ const fullam = (() => {
     element("clock").textContent = "";
     document.title = `${scene.title} - fullam`;
     draw_legend();
-    if (!looked || !scene.keep_camera) look(scene.centre, scene.radius);
+    camera.use(scene, ground);
+    if (!looked || !scene.keep_camera) camera.look(scene.centre, scene.radius);
     looked = true;
+    emit("scene", scene);
     quality.refresh();
     quality.moved();
     viewer.set_dirty();
@@ -93,6 +83,7 @@ const fullam = (() => {
 
   // What a track does with its values: a function of (frame, index of its first value).
   function setter(track, vehicle, tint) {
+    if (track.kind === "wrench") return () => {};
     if (track.kind === "readout") return scene.clock === false ? () => {} : readout(vehicle);
     const node = viewer.scene_tree.find(names(track.path)).object;
     if (track.kind === "pose") return (f, i) => move(node, f, i);
@@ -100,7 +91,11 @@ const fullam = (() => {
     if (track.kind === "trail") {
       track.trail = new Shapes.Trail(track);
       viewer.set_object(names(track.path), track.trail.object);
-      return (f, i) => { if (!film) track.trail.add(f[i], f[i + 1], f[i + 2], track.least); };
+      return (f, i) => {
+        if (film) return;
+        if (track.trail.ends >= f[0]) track.trail.until(f[0]);
+        else track.trail.add(f[i], f[i + 1], f[i + 2], f[0], track.least);
+      };
     }
     const arrow = new Shapes.Arrow(track);
     viewer.set_object(names(track.path), arrow.object);
@@ -115,20 +110,43 @@ const fullam = (() => {
     };
   }
 
+  function head_readouts() {
+    const row = element("readouts").insertRow();
+    for (const text of ["", "position error", "attitude error"])
+      row.append(Object.assign(document.createElement("th"), { textContent: text, scope: "col" }));
+  }
+
   function readout(vehicle) {
     const row = element("readouts").insertRow();
-    const name = row.insertCell(), cells = [0, 1, 2].map(() => row.insertCell());
+    const name = row.insertCell(), cells = [0, 1].map(() => row.insertCell());
     name.append(Object.assign(document.createElement("span"), { className: "swatch" }));
     name.firstChild.style.background = vehicle.colour;
     name.append(vehicle.label);
     cells[0].className = cells[1].className = "number";
-    cells[2].className = "saturated";
     return (f, i) => {
       cells[0].textContent = `${(1000 * f[i]).toFixed(0)} mm`;
       cells[1].textContent = `${(f[i + 1] * 180 / Math.PI).toFixed(1)}\u00b0`;
-      cells[2].textContent = f[i + 2] > 0.5 ? "saturated" : "";
-      vehicle.height = f[i + 3];
+      vehicle.saturated = f[i + 2] > 0.5;
     };
+  }
+
+  // Which rotors keep the command from being delivered: those at a bound while it is not.
+  function warn(values) {
+    const lines = [];
+    for (const vehicle of scene.vehicles) {
+      if (!vehicle.saturated) continue;
+      const shares = tracks.filter((t) => t.vehicle === vehicle && t.kind === "thrust");
+      const full = [], idle = [];
+      shares.forEach((t, i) => {
+        if (values[t.at] > 0.97) full.push(vehicle.rotors.names[i]);
+        else if (values[t.at] < 0.003) idle.push(vehicle.rotors.names[i]);
+      });
+      const said = [full.length ? `${full.join(", ")} at full speed` : "",
+        idle.length ? `${idle.join(", ")} at rest` : ""].filter(Boolean).join("; ");
+      lines.push(`${scene.vehicles.length > 1 ? `${vehicle.label}: ` : ""}saturated` +
+        (said ? `: ${said}` : ""));
+    }
+    element("warning").textContent = lines.join(" \u00b7 ");
   }
 
   function draw_legend() {
@@ -149,58 +167,19 @@ const fullam = (() => {
     }
   }
 
-  // ---- the camera ----------------------------------------------------------------------------
-  const three = (p) => new THREE.Vector3(p[0], p[2], -p[1]);  // Meshcat's scene has y upwards
-
-  function look(centre, radius, direction = scene.direction) {
-    const target = three(centre), away = three(direction).normalize();
-    viewer.camera.fov = 32;
-    viewer.camera.zoom = 1;
-    const narrow = Math.min(1, viewer.camera.aspect || 1);
-    const distance = radius / Math.sin(0.5 * viewer.camera.fov * Math.PI / 180) / narrow;
-    // The camera sits in a node that Meshcat has turned; its own axes are three.js's.
-    viewer.camera.position.copy(target).addScaledVector(away, distance);
-    viewer.controls.target.copy(target);
-    viewer.controls.update();
-    light(centre, radius);
-    ground.grid.material.uniforms.reach.value = 3.5 * radius + 1.5;
-  }
-
-  function light(centre, radius) {
-    const reach = radius + 1.2, camera = sun.shadow.camera;
-    const place = new THREE.Vector3(...centre);
-    sun.position.copy(place).add(new THREE.Vector3(2.0, -1.6, 5.0));
-    sun.target.position.copy(place);
-    Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.5,
-      far: 14 });
-    camera.updateProjectionMatrix();
-    ground.grid.material.uniforms.centre.value.set(centre[0], centre[1]);
-  }
-
-  // Follow the vehicles once they leave the middle of the picture; the view turns with the user.
-  function follow() {
-    const bodies = tracks.filter((t) => t.kind === "pose" && t.main);
-    if (!bodies.length) return;
-    const middle = new THREE.Vector3();
-    for (const body of bodies) {
-      const p = viewer.scene_tree.find(names(body.path)).object.position;
-      middle.add(three([p.x, p.y, p.z]));
-    }
-    middle.divideScalar(bodies.length);
-    const gap = middle.sub(viewer.controls.target), far = gap.length() - 0.6 * scene.radius;
-    if (far <= 0) return;
-    gap.setLength(far);
-    viewer.controls.target.add(gap);
-    viewer.camera.position.add(gap);
-    const t = viewer.controls.target;
-    light([t.x, -t.z, t.y], scene.radius);
+  // Where the middle of the platforms, or the first vehicle's tool, is.
+  function place(name) {
+    const found = tracks.filter((t) => name === "tool" ? t.kind === "trail" : t.main);
+    if (!found.length || !last) return null;
+    const some = name === "tool" ? found.slice(0, 1) : found;
+    return [0, 1, 2].map((i) => some.reduce((sum, t) => sum + last[t.at + i], 0) / some.length);
   }
 
   function place_labels() {
     if (!scene || scene.vehicles.length < 2) return;
     for (const vehicle of scene.vehicles) {
       const p = viewer.scene_tree.find([vehicle.path, "platform"]).object.position;
-      const spot = three([p.x, p.y, p.z + vehicle.radius * 1.5]).project(viewer.camera);
+      const spot = Camera.three([p.x, p.y, p.z + vehicle.radius * 1.5]).project(viewer.camera);
       const pane = element("meshcat-pane");
       vehicle.labelled.style.left = `${(0.5 + 0.5 * spot.x) * pane.clientWidth}px`;
       vehicle.labelled.style.top = `${(0.5 - 0.5 * spot.y) * pane.clientHeight}px`;
@@ -215,8 +194,12 @@ const fullam = (() => {
     last = values;
     for (const track of tracks) track.set(values, track.at);
     const end = scene.duration ? ` <small>/ ${scene.duration.toFixed(1)} s</small>` : " s";
-    if (scene.clock !== false) element("clock").innerHTML = `<small>t =</small> ${state.time.toFixed(2)}${end}`;
-    follow();
+    if (scene.clock !== false) {
+      element("clock").innerHTML = `<small>t =</small> ${state.time.toFixed(2)}${end}`;
+      warn(values);
+    }
+    emit("frame", values);
+    camera.moved();
     quality.moved();
     viewer.set_dirty();
   }
@@ -247,12 +230,13 @@ const fullam = (() => {
       track.trail.clear(count);
       for (let k = 0; k < count; k++) {
         const i = k * width + track.at;
-        track.trail.add(film.data[i], film.data[i + 1], film.data[i + 2]);
+        track.trail.add(film.data[i], film.data[i + 1], film.data[i + 2], k / fps);
       }
     }
     element("slider").max = film.length;
     element("player").hidden = count < 2;
     document.body.classList.toggle("film", count > 1);
+    emit("film", film);
     seek(start);
   }
 
@@ -267,51 +251,65 @@ const fullam = (() => {
     if (!film) return;
     frame(interpolate(t));
     state.time = Math.min(Math.max(t, 0), film.length);
-    const shown = Math.floor(state.time * film.fps) + 1;
+    const shown = Math.floor(state.time * film.fps + 1e-6) + 1;
     for (const track of tracks) if (track.trail) track.trail.show(shown);
     element("slider").value = state.time;
   }
 
-  function play(on = true) {
+  function play(playing = true) {
     if (!film || film.count < 2) return;
-    if (on && state.time >= film.length - 1e-6) seek(0);
-    state.playing = on;
-    element("toggle").textContent = on ? "Pause" : "Play";
-    if (on) requestAnimationFrame((now) => step(now, now));
+    if (playing && state.time >= film.length - 1e-6) seek(0);
+    state.playing = playing;
+    element("toggle").textContent = playing ? "Pause" : "Play";
+    if (playing) requestAnimationFrame((now) => step(now, now));
   }
 
   function step(before, now) {
-    if (!state.playing) return;
+    if (!state.playing || !film) return;
     seek(state.time + 1e-3 * (now - before) * Number(element("speed").value));
     if (state.time >= film.length - 1e-6) play(false);
     else requestAnimationFrame((next) => step(now, next));
   }
 
-  element("toggle").onclick = () => play(!state.playing);
-  element("slider").oninput = (event) => { play(false); seek(Number(event.target.value)); };
-  document.addEventListener("keydown", (event) => {
-    if (event.code === "Space" && event.target === document.body) play(!state.playing);
-  });
-
   // ---- live ----------------------------------------------------------------------------------
   function connect() {
-    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://` +
-      `${location.host}/feed`);
+    const address = new URL("feed", location.href);  // relative: behind a proxy it is longer
+    address.protocol = address.protocol.replace("http", "ws");
+    socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     socket.onmessage = ({ data }) => {
-      if (data instanceof ArrayBuffer) { if (scene && !film) frame(new Float32Array(data)); return; }
+      if (data instanceof ArrayBuffer) {
+        if (scene && !film) frame(new Float32Array(data));
+        return;
+      }
       const message = JSON.parse(data);
       if (message.scene) load(message.scene);
       if (message.film) { set_film(message.film); play(); }
-      for (const [k, points] of Object.entries(message.trails ?? {}))
-        for (const p of points) tracks.filter((t) => t.trail)[k].trail.add(...p);
+      Object.entries(message.trails ?? {}).forEach(([k, points]) => {
+        const { trail } = tracks.filter((t) => t.trail)[k];
+        for (const p of points) trail.add(...p);
+      });
+      if ("forget" in message) {
+        for (const track of tracks) track.trail?.forget(message.forget);
+        emit("forget", message.forget);
+      }
+      if (message.status) { status = message.status; emit("status", status); }
+      if (message.note) emit("note", message.note);
     };
+    socket.onopen = () => { state.live = true; };
     socket.onclose = () => {
+      state.live = false;
+      emit("status", null);
       if (!film) element("details").textContent = `${scene?.details ?? ""} (server stopped)`;
     };
   }
 
-  return { viewer, state, load, frame, film: set_film, seek, play, look, connect,
-    still: quality.still, quality,
-    get last() { return last; }, get scene() { return scene; } };
+  function send(message) {
+    if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  }
+
+  return { viewer, state, load, frame, film: set_film, seek, play, connect, send, on, camera,
+    still: quality.still, quality, names, place, look: camera.look,
+    get tracks() { return tracks; }, get status() { return status; },
+    get last() { return last; }, get scene() { return scene; }, get isFilm() { return !!film; } };
 })();

@@ -11,7 +11,10 @@ from fullam.exceptions import MissingDependency
 from fullam.viz.viewer.replay import Film
 
 HERE = Path(__file__).resolve().parent
-SCRIPTS = ("shapes.js", "quality.js", "page.js")
+SCRIPTS = (
+    *("shapes.js", "quality.js", "camera.js", "page.js", "charts.js", "layers.js", "gizmo.js"),
+    *("hands.js", "panel.js"),
+)
 
 
 def meshcat_script() -> Path:

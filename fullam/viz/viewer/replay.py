@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fullam.analysis.captions import weather_caption
 from fullam.exceptions import InvalidInput
+from fullam.simulation.refly import hand_forces
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.scene import DIRECTION, SPIN_RATE, Scene, Snapshot, VehicleScene
 
@@ -146,7 +147,7 @@ class Reel:
 
     def __init__(self, run: Run, vehicle: Vehicle) -> None:
         """Derive what the record does not hold: joint accelerations, angles of the propellers."""
-        self._columns = dict(run.columns)
+        self._columns = dict(run.columns) | {"hand": hand_forces(run)}
         self._t = run.t
         if len(run) > 1:
             self._acceleration = np.gradient(run.arm_rate, run.t, axis=0)
@@ -171,6 +172,9 @@ class Reel:
             target=row["reference_pose"],
             saturated=bool(row["saturated"]),
             spin=self._spin[k],
+            u_dc=row["u_dc"],
+            residual=row["residual"],
+            hand=row["hand"],
         )
 
 

@@ -9,12 +9,13 @@ its kind; a frame is a row of 32-bit numbers, the time and then each track's val
     vector (6)   foot of an arrow and the vector it shows, in world axes
     trail (3)    point of the tool's path
     readout (4)  position error [m], attitude error [rad], saturated, height [m]
+    wrench (5)   sizes of u_dc [N, N m], of the residual [N, N m] and of a hand's pull [N]
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from fullam.viz.viewer.shapes import ROOT
 Array = NDArray[np.float64]
 Track = dict[str, Any]
 
-WIDTHS = {"pose": 7, "thrust": 1, "spin": 1, "vector": 6, "trail": 3, "readout": 4}
+WIDTHS = {"pose": 7, "thrust": 1, "spin": 1, "vector": 6, "trail": 3, "readout": 4, "wrench": 5}
 """How many numbers a track of each kind takes in a frame; the page has the same table."""
 
 THRUST_COLOURS = ("#9fd0f0", "#3f8fd0", "#5b3fa0", "#b0236d", "#e8430f")
@@ -41,7 +42,7 @@ THRUST_COLOURS = ("#9fd0f0", "#3f8fd0", "#5b3fa0", "#b0236d", "#e8430f")
 
 FORCE, MOMENT = style.GREEN, style.SKY
 JOINT_FORCE, JOINT_MOMENT = style.PURPLE, style.ORANGE
-GHOST = "#1f9e89"
+GHOST, HAND = "#1f9e89", "#c2185b"
 LABELS = (style.BLUE, style.VERMILION, style.PURPLE, style.GREEN)
 """Colours of vehicles side by side, of their names and their tool's trails."""
 
@@ -68,6 +69,9 @@ class Snapshot:
         target: [p, quaternion xyzw] asked for.
         saturated: Whether the allocation met a bound.
         spin: Angles of the propellers [rad].
+        u_dc: Compensation of the law, world axes.
+        residual: Delivered less commanded wrench, {A} axes.
+        hand: Point at which a hand pulls, and its force, world axes.
     """
 
     pose: Array
@@ -81,6 +85,9 @@ class Snapshot:
     target: Array
     saturated: bool
     spin: Array
+    u_dc: Array = field(default_factory=lambda: np.zeros(6))
+    residual: Array = field(default_factory=lambda: np.zeros(6))
+    hand: Array = field(default_factory=lambda: np.zeros(6))
 
 
 class VehicleScene:
@@ -153,6 +160,10 @@ class VehicleScene:
             "radius": shapes.reach(self.vehicle),
             "shapes": drawn,
             "tracks": self.tracks,
+            "rotors": {
+                "names": list(self.vehicle.rotors.names),
+                "max_speeds": self.vehicle.rotors.max_speeds.tolist(),
+            },
         }
 
     def _force_shapes(self, envelope: Envelope) -> list[shapes.Shape]:
@@ -197,7 +208,8 @@ class VehicleScene:
         tracks.append({"kind": "trail", "least": 0.002, **trail})
         if self.ghost:
             tracks.append({"kind": "pose", "path": f"{path}/target"})
-        tracks.append({"kind": "readout"})
+        tracks.append(self._vector("hand", HAND, 4 * self.force_scale, 0.02, 1))
+        tracks += [{"kind": "readout"}, {"kind": "wrench"}]
         return tracks
 
     def _vector(self, name: str, colour: str, scale: float, thickness: float, heads: int) -> Track:
@@ -236,10 +248,15 @@ class VehicleScene:
             out[at : at + 7] = now.target
             out[at : at + 3] += self.offset
             at += 7
+        out[at : at + 6] = now.hand
+        out[at : at + 3] += self.offset
+        at += 6
         cosine = min(1.0, abs(float(now.pose[3:] @ now.target[3:])))
         out[at] = np.linalg.norm(now.pose[:3] - now.target[:3])
         out[at + 1] = 2.0 * np.arccos(cosine)
         out[at + 2], out[at + 3] = now.saturated, now.pose[2]
+        parts = (*np.split(now.u_dc, 2), *np.split(now.residual, 2), now.hand[3:])
+        out[at + 4 : at + 9] = [np.linalg.norm(part) for part in parts]
 
     def joint_wrench(self, q: Array, now: Snapshot) -> Array:
         """Wrench of the platform on link 1, world axes at joint 1, force then moment, (6,)."""
@@ -309,12 +326,13 @@ class Scene:
             (FORCE, f"rotors' force, {per_newton:.1f} cm/N"),
             (MOMENT, f"rotors' moment, {per_moment:.0f} cm/(N m)"),
         ]
-        if first.forces is not None:
+        if first.forces is not None and "live" not in more:  # there it is a layer, off at first
             legend.append((FORCE, "body: forces without moment that it attains"))
         if first.vehicle.n_arm:
             legend.append((JOINT_FORCE, f"force on the arm, {2 * per_newton:.1f} cm/N"))
             legend.append((JOINT_MOMENT, f"moment on the arm, {per_moment:.0f} cm/(N m)"))
         if first.ghost:
+            legend.append((HAND, f"pull of a hand, {4 * per_newton:.0f} cm/N"))
             legend += [(GHOST, "target pose"), (first.colour, "path of the tool")]
         legend.append(("#8a97a5", f"grid 0.5 m, at z = {ground:g} m"))
         return {

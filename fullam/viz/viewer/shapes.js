@@ -162,6 +162,7 @@ const Shapes = (() => {
     clear(capacity = 6000) {
       const tube = this.object.geometry;
       this.points = [];
+      this.times = [];
       if (capacity !== this.capacity) {
         this.capacity = capacity;
         for (const name of ["position", "normal"])
@@ -181,15 +182,27 @@ const Shapes = (() => {
     show(count) {
       this.object.geometry.setDrawRange(0, 6 * this.sides * Math.max(0, count - 1));
     }
-    add(x, y, z, least = 0) {
+    // Time of the last point.
+    get ends() { return this.times[this.times.length - 1] ?? -Infinity; }
+    // Draw what was drawn by a time, and no more; or forget what came after it.
+    until(t) {
+      let count = this.points.length;
+      while (count > 0 && this.times[count - 1] > t + 1e-4) count--;
+      this.show(count);
+      return count;
+    }
+    forget(t) { this.points.length = this.times.length = this.until(t); }
+    add(x, y, z, t = 0, least = 0) {
       const point = new THREE.Vector3(x, y, z), last = this.points[this.points.length - 1];
       if (last && least > 0 && last.distanceTo(point) < least) return;
       if (this.points.length === this.capacity) {  // forget the older half
-        const kept = this.points.slice(this.capacity / 2);
+        const from = this.capacity / 2, kept = this.points.slice(from);
+        const times = this.times.slice(from);
         this.clear(this.capacity);
-        for (const p of kept) this.add(p.x, p.y, p.z);
+        kept.forEach((p, i) => this.add(p.x, p.y, p.z, times[i]));
       }
       this.points.push(point);
+      this.times.push(t);
       const k = this.points.length - 1, { position, normal } = this.object.geometry.attributes;
       const along = last ? point.clone().sub(last) : new THREE.Vector3(0, 0, 1);
       if (along.lengthSq() < 1e-18) along.set(0, 0, 1);
@@ -241,5 +254,13 @@ const Shapes = (() => {
     };
   }
 
-  return { Arrow, Trail, shape, merged, groups, ground, colours, floats, fineness };
+  // The axes of a frame: x red, y green, z blue.
+  function triad(size) {
+    const axes = new THREE.AxesHelper(size);
+    axes.material.depthTest = false;
+    axes.renderOrder = 12;
+    return axes;
+  }
+
+  return { Arrow, Trail, triad, dress, shape, merged, groups, ground, colours, floats, fineness };
 })();

@@ -13,6 +13,7 @@ from fullam.model.design import VehicleDesign
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.viz.polytope import rose_svg
+from fullam.viz.viewer.frame import frame_html
 from fullam.viz.viewer.portrait import Hover, hover, stage
 from fullam.viz.viewer.scene import THRUST_COLOURS
 from fullam.viz.viewer.server import ViewerServer
@@ -23,7 +24,8 @@ MOST_TILT_DEG, MOST_CANT_DEG = 60.0, 80.0
 class Explorer:
     """A vehicle in the hand: the last expression of a notebook cell shows it.
 
-    The scene is served to this machine only; where the kernel runs elsewhere, forward its port.
+    The scene is served to this machine only; where the kernel runs elsewhere it comes through the
+    notebook's server, see `frame`.
 
     Attributes:
         vehicle: The vehicle as the sliders have it.
@@ -48,14 +50,13 @@ class Explorer:
         self.forces = ipywidgets.Checkbox(value=False, description="attainable forces")
         self.forces.observe(self.update, names="value")
         self._report = ipywidgets.HTML()
-        self.server = ViewerServer()
+        self.server = ViewerServer(hosts=("*",))  # perhaps through the notebook's own server
         self._stage = stage(self.vehicle)
         self.server.show(self._stage.spec(clock=False))
         self.update()
-        frame = f'<iframe src="{self.server.url}" width="100%" height="{height}" frameborder="0">'
         controls = ipywidgets.VBox([*self.sliders.values(), self.forces, self._report])
         controls.layout.flex = "0 0 340px"  # a frame of full width would lie over the readouts
-        scene = ipywidgets.HTML(f"{frame}</iframe>")
+        scene = ipywidgets.HTML(frame_html(self.server, height))
         scene.layout.flex, scene.layout.min_width = "1 1 0", "0"
         self.panel = ipywidgets.HBox([controls, scene])
 

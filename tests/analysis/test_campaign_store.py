@@ -1,0 +1,107 @@
+"""What a store has been given it keeps, and what it reads is what was written."""
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fullam.analysis import campaign_store
+from fullam.analysis.campaign import Campaign, sweep
+from fullam.analysis.campaign_store import CampaignStore
+from fullam.analysis.campaign_table import DIGEST, METADATA, read_campaign
+from fullam.exceptions import CampaignError
+from fullam.simulation.scenario import load_scenario
+
+BRIEF = replace(load_scenario("position-1"), name="brief", duration=0.1)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return Campaign((BRIEF,), ("pid",), (0, 1, 2), traces=True)
+
+
+@pytest.fixture(scope="module")
+def written(campaign, tmp_path_factory):
+    path = tmp_path_factory.mktemp("store") / "rows.parquet"
+    return path, sweep(campaign, path)
+
+
+@pytest.mark.parametrize("moment", ["table_of", "atomic_path"])
+def test_an_interrupt_while_rows_are_written_loses_none(campaign, tmp_path, monkeypatch, moment):
+    """Ctrl-C may come inside `flush`, which is then called again on the way out."""
+    out = tmp_path / "rows.parquet"
+
+    def interrupted(*_):
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    with (
+        pytest.raises(KeyboardInterrupt),
+        campaign_store.open_store(out, campaign.identity(), overwrite=False) as store,
+    ):
+        for cells in campaign.fly(campaign.keys):
+            store._buffer.append(cells)
+        monkeypatch.setattr(campaign_store, moment, interrupted)
+        store.flush()
+    assert CampaignStore(out, campaign.identity(), False).keys == set(campaign.keys)
+
+
+def rewritten(path, rows):
+    """The file with other rows under the same stamp."""
+    pq.write_table(rows.replace_schema_metadata(pq.read_schema(path).metadata), path)
+    return path
+
+
+DAMAGE = {
+    "a number": lambda t: t.set_column(
+        t.column_names.index("rms_position_mm"),
+        "rms_position_mm",
+        pa.array([0.0, *t.column("rms_position_mm").to_pylist()[1:]]),
+    ),
+    "a seed": lambda t: t.set_column(4, "seed", pa.array([7, 1, 2])),
+    "a trace": lambda t: t.set_column(
+        t.num_columns - 1, t.schema.field("trace"), pa.array([[0.0]] * 3, t.schema.types[-1])
+    ),
+    "a row less": lambda t: t.slice(1),
+    "rows in another order": lambda t: t.take([1, 0, 2]),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_changed_row_is_noticed(written, tmp_path, damage):
+    path = tmp_path / "rows.parquet"
+    path.write_bytes(written[0].read_bytes())
+    assert read_campaign(path).rows.equals(written[1].rows)
+    rewritten(path, DAMAGE[damage](pq.read_table(path)))
+    with pytest.raises(CampaignError, match="digest"):
+        read_campaign(path)
+
+
+def test_a_changed_stamp_is_noticed(written, tmp_path):
+    rows, path = pq.read_table(written[0]), tmp_path / "rows.parquet"
+    metadata = rows.schema.metadata
+    for changed in (
+        {METADATA: metadata[METADATA].replace(b'"duration":0.1', b'"duration":0.2')},
+        {DIGEST: b"0" * 32},
+    ):
+        pq.write_table(rows.replace_schema_metadata(metadata | changed), path)
+        with pytest.raises(CampaignError, match="digest"):
+            read_campaign(path)
+    pq.write_table(rows.replace_schema_metadata({METADATA: metadata[METADATA]}), path)
+    with pytest.raises(CampaignError, match="digest"):
+        read_campaign(path)
+
+
+def test_columns_stand_in_their_order_and_once(written, tmp_path):
+    rows, path = pq.read_table(written[0]), tmp_path / "rows.parquet"
+    names = rows.column_names
+    swapped = rows.select([names[1], names[0], *names[2:]])
+    doubled = rows.append_column("seed", rows.column("seed"))
+    for other in (swapped, doubled):
+        pq.write_table(other, path)
+        with pytest.raises(CampaignError, match="twice, or in another order"):
+            read_campaign(path)

@@ -1,0 +1,56 @@
+"""What may come of an attack: an answer, or a refusal in words, soon."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import signal
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from fullam.exceptions import FullamError
+
+PATIENCE = 10
+"""What takes longer hangs [s]."""
+
+
+class Hang(BaseException):
+    """Nobody may catch it by accident."""
+
+
+@contextlib.contextmanager
+def patience(seconds: int = PATIENCE) -> Iterator[None]:
+    """Ends what takes too long."""
+
+    def ring(*_: object) -> None:
+        raise Hang(f"no answer after {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def answered(call: Callable[[], Any]) -> Any:
+    """The result, which is something, or None where it was refused as it should be."""
+    with patience(), warnings.catch_warnings():
+        # An overflow on the way is a number beyond sense that got too far.
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            return call()
+        except FullamError as error:
+            assert str(error).endswith("."), f"no sentence: {error}"
+            assert len(str(error)) < 20_000
+            return None
+
+
+@functools.cache
+def folder() -> Path:
+    """A folder for this process."""
+    return Path(tempfile.mkdtemp(prefix="hostile-"))
