@@ -166,17 +166,17 @@ def test_a_page_that_opens_late_gets_scene_trail_and_frame():
 
     async def listen(url):
         feed = await websocket_connect(url.replace("http", "ws") + "feed")
-        messages = [await feed.read_message(), await feed.read_message()]
+        messages = [await feed.read_message() for _ in range(3)]
         feed.close()
         return messages
 
     with ViewerServer(0) as server:
         live.fly(server, clock=clock, sleep=clock.sleep)
-        text, frame = asyncio.run(listen(server.url))
-    message = json.loads(text)
-    assert message["scene"]["title"] == "task-2 · dc-pid"
-    assert len(message["trails"]["0"]) > 3
-    times = [point[3] for point in message["trails"]["0"]]
+        text, trails, frame = asyncio.run(listen(server.url))
+    assert json.loads(text)["scene"]["title"] == "task-2 · dc-pid"
+    (trail,) = json.loads(trails)["trails"].values()
+    assert len(trail) > 3
+    times = [point[3] for point in trail]
     assert times == sorted(times) and times[-1] <= 0.3
     assert np.frombuffer(frame, "<f4")[0] == pytest.approx(0.3)
 

@@ -32,7 +32,7 @@ MOST_BYTES = 4096
 MESSAGES, BURST = 120.0, 240.0
 """Messages of a page in a second, and at once; who sends more is dropped."""
 
-MOST_PAGES = 32
+MOST_PAGES = 16
 """Pages at a time."""
 
 MOST_UNSENT = 64

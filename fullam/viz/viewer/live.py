@@ -6,6 +6,7 @@ done by that one between two control periods; nobody who speaks or listens makes
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,6 +40,10 @@ FEWEST_FRAMES = 5.0
 
 LATEST = 1.5
 """Farther behind the clock than this the flight does not try to catch up [s]."""
+
+IMPATIENCE = 0.0005
+"""How long the server's thread may go on once the flight's wants to [s]; Python's own 5 ms, at each
+of a tick's waits for the interpreter, are as much as a frame when many connections come at once."""
 
 IDLE = 0.008
 """Time between two looks at what hands want, while nothing flies [s]."""
@@ -206,8 +211,15 @@ class LiveFlight:
         self.transport.speed = speed
         if not self._shown:
             self.show(server)
-        pace = _Pace(server, self, clock, sleep)
-        start = clock()
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(IMPATIENCE)
+        try:
+            return self._fly(server, _Pace(server, self, clock, sleep), stay)
+        finally:
+            sys.setswitchinterval(interval)
+
+    def _fly(self, server: ViewerServer, pace: _Pace, stay: bool) -> LiveReport:
+        start = pace.clock()
         while not self.transport.quit:
             self.orders.obey(server, pace)
             if self.transport.playing and self.flight.step():
@@ -215,13 +227,13 @@ class LiveFlight:
             elif not (stay or not self.transport.playing):
                 break
             else:
-                self._stand(server, pace, sleep)
+                self._stand(server, pace)
         if self.flight.period:
             server.push(self.frame())
-        wall = clock() - start
+        wall = pace.clock() - start
         return LiveReport(self.flight.record, wall, pace.frames + 1, pace.latest)
 
-    def _stand(self, server: ViewerServer, pace: _Pace, sleep: Callable[[float], Any]) -> None:
+    def _stand(self, server: ViewerServer, pace: _Pace) -> None:
         """Nothing flies; somebody else may have flown on, and hands may want something."""
         if self.transport.playing:  # it has come to its end
             self.transport.playing = False
@@ -231,13 +243,15 @@ class LiveFlight:
             server.push(self.frame())  # none follows that would make up for a dropped one
         pace.shown = self.flight.period
         pace.rebase()
-        sleep(IDLE)
+        pace.sleep(IDLE)
 
 
 class _Pace:
     """The clock of a live flight: waits for each tick's moment, and sends frames when they are due.
 
     Attributes:
+        clock: Seconds that pass.
+        sleep: Waits so many seconds.
         frames: Frames sent.
         latest: Largest lag behind the clock [s].
         shown: Period that was drawn last.
@@ -250,25 +264,25 @@ class _Pace:
         clock: Callable[[], float],
         sleep: Callable[[float], Any],
     ) -> None:
-        self._server, self._live, self._clock, self._sleep = server, live, clock, sleep
+        self._server, self._live, self.clock, self.sleep = server, live, clock, sleep
         self.frames, self.latest, self.shown = 0, 0.0, -1
         self._told = 0.0
         self.rebase()
 
     def rebase(self) -> None:
         """Begin to count here and now."""
-        self._start = self._due = self._drawn = self._clock()
+        self._start = self._due = self._drawn = self.clock()
         self._first = self._live.flight.period
 
     def keep(self) -> None:
         """Wait for the moment of the tick that was just flown, and draw it if a frame is due."""
-        live, clock = self._live, self._clock
+        live, clock = self._live, self.clock
         ticks = live.flight.period - 1 - self._first
         period = live.flight.plan.simulation.control_period
         moment = self._start + ticks * period / live.transport.speed
         now = clock()
         if moment > now:
-            self._sleep(moment - now)
+            self.sleep(moment - now)
         late = clock() - moment
         self.latest = max(self.latest, late)
         # On time, a frame is due sixty times a second; late, only now and then.

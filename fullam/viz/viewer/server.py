@@ -87,6 +87,7 @@ class ViewerServer:
         self._scene: dict[str, Any] | None = None
         self._film: dict[str, Any] | None = None
         self._frame: bytes | None = None
+        self._opening = ""  # scene and film as they are sent
         self._trails: dict[int, list[list[float]]] = {}
         self._trail_columns: list[int] = []
         self._clients: set[Any] = set()
@@ -113,7 +114,8 @@ class ViewerServer:
         with self._lock:
             self._scene, self._film, self._frame = scene, None, None
             self._trail_columns, self._trails = columns, {k: [] for k in range(len(columns))}
-        self._post(json.dumps({"scene": scene}))
+            self._opening = json.dumps({"scene": scene})
+        self._post(self._opening)
 
     def push(self, frame: NDArray[np.float32], drop: bool = False) -> None:
         """Show a frame of the scene, now; with `drop`, only on pages that have had the last."""
@@ -153,7 +155,8 @@ class ViewerServer:
             self._scene, self._film, self._frame = film.scene, film.to_dict(), None
             self._status = None
             self._trail_columns, self._trails = [], {}
-        self._post(json.dumps({"scene": film.scene, "film": self._film}))
+            self._opening = json.dumps({"scene": film.scene, "film": self._film})
+        self._post(self._opening)
 
     def wait_for_page(self, timeout: float) -> bool:
         """Wait until a page has connected; whether one has."""
@@ -231,11 +234,12 @@ class ViewerServer:
     def _join(self, client: Any) -> None:
         """Bring a new page up to date."""
         with self._lock:
-            scene, film, frame = self._scene, self._film, self._frame
+            opening, frame = self._opening, self._frame
             trails = {str(k): list(path) for k, path in self._trails.items() if path}
-        if scene is not None:
-            text = {"scene": scene} | ({"film": film} if film else {"trails": trails})
-            client.send(json.dumps(text))
+        if opening:
+            client.send(opening)
+        if trails:
+            client.send(json.dumps({"trails": trails}))
         if frame is not None:
             client.send(frame)
         if self._status is not None:
