@@ -73,8 +73,10 @@ def vehicle(request):
 class Told(NamedTuple):
     """What is told in each period, and what was commanded."""
 
+    targets: Any
     estimates: Any
     deliveries: Any
+    target: Any
     estimate: Any
     delivery: Any
     command: Any
@@ -83,7 +85,8 @@ class Told(NamedTuple):
 
 @kernel
 def tell(view, k):
-    """This period's estimate, and what will have become of its command."""
+    """This period's target and estimate, and what will have become of its command."""
+    view.target[0] = view.targets[k]
     view.estimate[0] = view.estimates[k]
     view.delivery[0] = view.deliveries[k]
 
@@ -132,7 +135,8 @@ def flight(vehicle):
     weight = vehicle.mass * vehicle.gravity
     deliveries = rng.normal(size=(PERIODS, size(Delivery), LANES))
     deliveries[:, 2] += weight
-    deliveries[:, -1] = rng.uniform(size=(PERIODS, LANES)) < 0.1
+    saturated = rng.uniform(size=(PERIODS, 1, LANES)) < 0.1
+    deliveries[:, columns(Delivery)["saturated"]] = saturated
     return Flight(motions, targets, estimates, deliveries)
 
 
@@ -152,9 +156,12 @@ def fly(law, inputs, lanes=0, lane=0, compiled=True):
     )
     commands = Rows.empty(Command, PERIODS, lanes=lanes)
     numbers, each = Rows.of(type(law._numbers), [law._numbers]), Rows(float, [[1.0]])
+    target = Rows.empty(Target, 1)
     told = Told(
+        inputs.targets,
         Rows(Estimate, pick(inputs.estimates), lanes),
         Rows(Delivery, pick(inputs.deliveries), lanes),
+        target,
         estimate,
         delivery,
         command,
@@ -165,7 +172,7 @@ def fly(law, inputs, lanes=0, lane=0, compiled=True):
         Stage(tell, told),
         Stage(
             command_stage(law.kernels),
-            CommandView(*shown, inputs.targets, estimate, memory, command),
+            CommandView(*shown, target, estimate, memory, command),
         ),
         Stage(inform_stage(law.kernels), InformView(*shown, estimate, memory, delivery)),
         Stage(note, told),
