@@ -130,6 +130,7 @@ scenarios = st.sampled_from(WHOLE_SCENARIOS).flatmap(
 
 def attack_scenario(case: bytes) -> None:
     """A scenario that is accepted can be flown, for five ticks."""
+    whole_run()  # compiles what flights need, which may take longer than anybody's patience
     path = folder() / "s.toml"
     path.write_bytes(case)
 

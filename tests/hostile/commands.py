@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import json
 import re
 import shutil
+import time
 import warnings
 
-from answers import folder, patience
+from answers import PATIENCE, Hang, folder, patience
 from hypothesis import strategies as st
 from values import document
 
 from fullam.cli import main
+
+COMPILING = 120
+"""What takes longer hangs, even if it has to be compiled [s]."""
 
 WORDS = (
     *("0", "-1", "1", "1e308", "1e-300", "nan", "inf", "70000", "1000000000000", "9" * 400, ""),
@@ -76,13 +79,6 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     return line + AFTER.get(verb, [])
 
 
-@functools.cache
-def compile_all() -> None:
-    """Compile what commands use: the first time may take longer than anybody's patience."""
-    for verb in ("run", "datasheet"):
-        main([verb, GOOD[verb], *AFTER.get(verb, [])])
-
-
 def attack_command(case: list[str]) -> None:
     """Every command ends with 0, 1 or 2 and, if not well, one complaint in words."""
     work = folder() / "c"
@@ -90,22 +86,29 @@ def attack_command(case: list[str]) -> None:
     work.mkdir()
     good = document({"name": "good", "duration": 0.05})
     (work / "good.toml").write_text(good, encoding="utf-8")
-    out, err = io.StringIO(), io.StringIO()
+    with contextlib.chdir(work):
+        code, out, err, seconds = run(case)
+        if seconds > PATIENCE:  # it may have been the first to need something compiled
+            code, out, err, seconds = run(case)
+    if seconds > PATIENCE:
+        raise Hang(f"{seconds:.0f} s")
+    assert code in (0, 1, 2), code
+    assert "Traceback" not in err
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", out + err)
+    assert code != 2 or err.strip()
+    if "--json" in case and code == 0:
+        json.loads(out)
+
+
+def run(case: list[str]) -> tuple[int, str, str, float]:
+    """Exit code, output and complaints of a command, and how long it took [s]."""
+    out, err, start = io.StringIO(), io.StringIO(), time.monotonic()
     with (
-        contextlib.chdir(work),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
+        patience(COMPILING),
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore")
-        compile_all()
-        out.truncate(0)
-        out.seek(0)
-        with patience():
-            code = main(case)
-    assert code in (0, 1, 2), code
-    assert "Traceback" not in err.getvalue()
-    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", out.getvalue() + err.getvalue())
-    assert code != 2 or err.getvalue().strip()
-    if "--json" in case and code == 0:
-        json.loads(out.getvalue())
+        code = main(case)
+    return code, out.getvalue(), err.getvalue(), time.monotonic() - start

@@ -22,10 +22,18 @@ ROOT = Path(__file__).resolve().parents[2]
 EXTRAS = ("campaign", "notebook", "xacro", "test")
 TESTS = (
     *("tests/test_bad_files.py", "tests/test_files.py", "tests/hostile/test_fuzz.py"),
-    *("tests/analysis/test_campaign.py", "tests/analysis/test_cluster.py", "tests/model"),
+    *("tests/analysis/test_campaign.py", "tests/analysis/test_campaign_store.py", "tests/model"),
+    *("tests/analysis/test_cluster.py", "tests/numbers", "tests/control/test_law_contract.py"),
     *("tests/analysis/test_tuning.py", "tests/simulation/test_run.py", "tests/dynamics"),
     *("tests/viz/test_figures.py", "tests/control/test_allocation.py"),
 )
+LENIENT = (
+    *("-W", "ignore::DeprecationWarning", "-W", "ignore::PendingDeprecationWarning"),
+    *("--ignore", "tests/model/test_any_urdf.py"),
+)
+"""Old versions of one package deprecate, and are deprecated by, new ones of another; and the robots
+that others describe are mended from version to version of their package."""
+
 NOT_INSTALLED = ("ruff", "mypy")
 """They check, and bring nothing that runs."""
 
@@ -58,7 +66,7 @@ def main() -> int:
         if code := subprocess.run(own).returncode:
             return code
         environment = os.environ | {"PYTHONPATH": str(ROOT)}
-        tests = [python, "-m", "pytest", "-q", *TESTS]
+        tests = [python, "-m", "pytest", "-q", *LENIENT, *TESTS]
         return subprocess.run(tests, cwd=ROOT, env=environment).returncode
 
 
