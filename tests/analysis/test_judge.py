@@ -348,8 +348,8 @@ def test_threads_share_a_judge(vehicle):
         return [track.figures(*outcomes(runs)).numbers for _ in range(4)]
 
     with ThreadPoolExecutor(4) as pool:
-        for numbers in sum(pool.map(judged_again, tracks), []):
-            assert np.array_equal(numbers, expected, equal_nan=True)
+        for numbers in pool.map(judged_again, tracks):
+            assert np.array_equal(numbers, 4 * [expected], equal_nan=True)
 
 
 def test_integrals_are_of_the_norms_of_the_response(vehicle):
