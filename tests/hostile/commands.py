@@ -52,14 +52,16 @@ GOOD = {
 }
 """What a verb can be given."""
 
-BEFORE = {"tune": ["--budget", "1"], "check": ["--samples", "3"]}
-AFTER = {
+LAST = {
+    "tune": ["--budget", "1"],
+    "check": ["--samples", "3"],
     "sweep": ["--out", "sweep.parquet", "--runs", "1"],
     "view": ["--html", "view.html"],
     "datasheet": ["--flights", "0"],
     "design": ["--evaluations", "1", "--starts", "1"],
 }
-"""What keeps a verb from working for minutes, or from waiting for somebody, before and after."""
+"""What keeps a verb from working for minutes, or from waiting for somebody. It stands last, and so
+prevails; what was given before is read all the same."""
 
 WITHOUT_VALUE = {"--calm", "--json", "--tuned", "--no-gusts", "--overwrite", "--version", "--help"}
 
@@ -71,12 +73,11 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     line = [verb] if verb else []
     if verb in GOOD:
         line.append(draw(st.one_of(st.just(GOOD[verb]), st.sampled_from(WORDS))))
-    line += BEFORE.get(verb, [])
     for option in draw(st.lists(st.sampled_from(OPTIONS[verb].split()), max_size=3)):
         line.append(option)
         if option not in WITHOUT_VALUE:
             line.append(draw(st.sampled_from(WORDS)))
-    return line + AFTER.get(verb, [])
+    return line + LAST.get(verb, [])
 
 
 def attack_command(case: list[str]) -> None:
