@@ -241,6 +241,7 @@ class LiveFlight:
             server.tell(self.orders.status())
         elif pace.shown != self.flight.period:
             server.push(self.frame())  # none follows that would make up for a dropped one
+            server.tell(self.orders.status())
         pace.shown = self.flight.period
         pace.rebase()
         pace.sleep(IDLE)
