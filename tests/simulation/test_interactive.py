@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import fullam
+from fullam.control.controllers import CONTROLLERS
 from fullam.exceptions import FullamError, InvalidInput, RunFileError
 from fullam.simulation.hand_force import MOST_FORCE, STIFFNESS
 from fullam.simulation.interactive import InteractiveFlight
@@ -88,12 +89,14 @@ def test_going_back_and_flying_on_otherwise_is_flying_that_script():
         assert_same(run, fullam.refly(run))
 
 
-def test_laws_of_ones_own_go_back_to_the_start():
+def test_laws_of_ones_own_go_back_to_the_start(monkeypatch):
     class Own(fullam.make_controller("pid", fullam.load_vehicle("fullam")).__class__):
+        name = "own-of-this-test"
+
         def wrench(self, t, measurement, reference):
             return super().wrench(t, measurement, reference)
 
-    fullam.register("own-of-this-test")(Own)
+    monkeypatch.setitem(CONTROLLERS, Own.name, Own)
     flight = fullam.fly(task(3.0), "own-of-this-test", seed=2)
     flight.advance(1.2)
     flight.rewind(0.9)

@@ -71,3 +71,34 @@ def test_plot_writes_a_figure(record, tmp_path, what):
 def test_plot_names_the_panels_it_knows(record, tmp_path, capsys):
     assert main(["plot", record, "--what", "pose,colour", "--out", str(tmp_path / "a.png")]) == 2
     assert "residual" in capsys.readouterr().err
+
+
+def test_a_vehicle_is_flown_by_hand_and_its_record_kept(tmp_path, capsys):
+    record = tmp_path / "hand.npz"
+    asked = ["fly", "fullam", "--duration", "0.3", "--once", "--wait", "0.05", "--port", "0"]
+    assert main([*asked, "--save", str(record)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "this machine only" in said[0]
+    assert said[1].startswith("free flight, dc-pid: 0.30 s flown")
+    run = fullam.Run.load(record)
+    assert run.scenario.name == "free flight" and run.weather == fullam.weather("calm")
+
+
+def test_listening_to_other_machines_is_said_plainly(capsys):
+    asked = ["fly", "fullam", "--duration", "0.1", "--once", "--wait", "0", "--port", "0"]
+    assert main([*asked, "--host", "127.0.0.2"]) == 0
+    assert "whoever has this address" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ["fly", "nobody"],
+        ["fly", "fullam", "--duration", "0"],
+        ["fly", "fullam", "--save", "a.txt"],
+        ["fly", "fullam", "--once", "--host", "192.0.2.1"],
+    ],
+)
+def test_what_cannot_be_flown_is_a_usage_error(asked, capsys):
+    assert main(asked) == 2
+    assert capsys.readouterr().err

@@ -1,5 +1,7 @@
 """What a notebook cell shows: a page in a frame, and sliders that change the vehicle."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -119,3 +121,35 @@ def test_a_prismatic_joint_has_a_slider_in_metres():
         assert explorer.sliders["joint_1"].description == "joint_1 [deg]"
     finally:
         explorer.close()
+
+
+def test_a_flight_in_a_cell_is_flown_by_the_notebook_and_by_its_page():
+    flight = fullam.fly("fullam", duration=20.0)
+    studio = flight.view(height=321)
+    try:
+        cell = studio._repr_html_()
+        assert "height: 321px" in cell and studio.server.token in cell
+        assert studio.url in repr(studio)
+        flight.push([1.0, 0.0, 0.0], duration=0.1)
+        flight.advance(0.2)
+        wait_until(lambda: frame_time(studio) == pytest.approx(0.2))
+        studio.play(speed=4.0)
+        wait_until(lambda: flight.time > 0.4)
+        studio.pause()
+        wait_until(lambda: not studio.live.transport.playing)
+        run = flight.record
+        np.testing.assert_array_equal(fullam.refly(run).pose, run.pose)
+    finally:
+        studio.close()
+    assert not studio._thread.is_alive()
+
+
+def frame_time(studio):
+    return float(np.frombuffer(studio.server._frame, "<f4")[0])
+
+
+def wait_until(condition, timeout=15.0):
+    until = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < until, "it did not happen"
+        time.sleep(0.02)

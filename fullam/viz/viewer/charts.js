@@ -87,6 +87,9 @@ const Charts = (() => {
     return low;
   }
 
+  fold.addEventListener("toggle", draw);
+  window.addEventListener("resize", draw);
+
   function draw() {
     waiting = false;
     drawn = performance.now();

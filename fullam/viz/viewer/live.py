@@ -6,9 +6,11 @@ done by that one between two control periods; nobody who speaks or listens makes
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -211,12 +213,8 @@ class LiveFlight:
         self.transport.speed = speed
         if not self._shown:
             self.show(server)
-        interval = sys.getswitchinterval()
-        sys.setswitchinterval(IMPATIENCE)
-        try:
+        with _undisturbed():
             return self._fly(server, _Pace(server, self, clock, sleep), stay)
-        finally:
-            sys.setswitchinterval(interval)
 
     def _fly(self, server: ViewerServer, pace: _Pace, stay: bool) -> LiveReport:
         start = pace.clock()
@@ -241,9 +239,29 @@ class LiveFlight:
             server.tell(self.orders.status())
         elif pace.shown != self.flight.period:
             server.push(self.frame())  # none follows that would make up for a dropped one
+            server.tell(self.orders.status())
         pace.shown = self.flight.period
         pace.rebase()
         pace.sleep(IDLE)
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Keep the interpreter from holding a flight up.
+
+    The server's thread hands over at once, and the collector of cycles leaves alone what is there
+    already: going through all of a numba and a Pinocchio takes it 100 ms.
+    """
+    interval, frozen = sys.getswitchinterval(), gc.get_freeze_count()
+    sys.setswitchinterval(IMPATIENCE)
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(interval)
+        if not frozen:
+            gc.unfreeze()
 
 
 class _Pace:

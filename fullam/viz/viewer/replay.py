@@ -95,7 +95,8 @@ def film(
     reels = [Reel(run, vehicle) for run, vehicle in zip(records, vehicles, strict=True)]
     times = np.arange(int(np.floor(longest * rate + 1e-9)) + 1) / rate
     frames = np.stack([scene.frame(t, [reel.at(t) for reel in reels]) for t in times.tolist()])
-    return Film(scene.spec(), frames, rate)
+    touched = {"touched": True} if any(run.script for run in records) else {}
+    return Film(scene.spec(**touched), frames, rate)
 
 
 def title(runs: Sequence[Run]) -> str:
