@@ -160,20 +160,18 @@ class LiveFlight:
 
     def _past_frame(self, k: int) -> NDArray[np.float32]:
         row, t = self.flight.row(k), float(self.flight.plan.t[k])
-        R_WA = pin.Quaternion(row["pose"][3:]).toRotationMatrix()
-        speeds = row["rotor_speeds"]
         now = Snapshot(
             pose=row["pose"],
-            velocity=_turned(R_WA, row["twist"]),
+            velocity=row["velocity"],
             arm=row["arm"],
             arm_rate=row["arm_rate"],
             arm_acceleration=np.zeros_like(row["arm"]),
-            rotor_speeds=speeds,
-            rotor_wrench=_turned(R_WA, self.flight.plan.true.rotors.wrench(speeds)),
+            rotor_speeds=row["rotor_speeds"],
+            rotor_wrench=row["rotor_wrench"],
             disturbance=row["disturbance"],
             target=row["reference_pose"],
             saturated=bool(row["saturated"]),
-            spin=self._spun_to(t, speeds),
+            spin=self._spun_to(t, row["rotor_speeds"]),
             u_dc=row["u_dc"],
             residual=row["residual"],
         )
