@@ -50,7 +50,28 @@ class Recursion:
         return Chain(self._links, joints)
 
 
-class JointOne:
+class InMotion:
+    """The vehicle in motion as Pinocchio's arrays q, v, a, for models that read those."""
+
+    def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
+        """Own a workspace."""
+        self._links = links
+        self._q, self._v = vehicle.neutral(), np.zeros(vehicle.model.nv)
+        self._a = np.zeros(vehicle.model.nv)
+
+    def chain(self, motions: Sequence[JointMotion]) -> Chain:
+        """Links, and the motions as they are: who reads q places the joints itself."""
+        return Chain(self._links, motions)
+
+    def _look(self, chain: Chain, R: Any, w: Any) -> None:
+        """Attitude, velocities and joint accelerations into Pinocchio's q, v, a."""
+        self._q[3:7] = pin.Quaternion(np.array(R).reshape(3, 3)).coeffs()
+        self._v[3:6] = rotate_back(R, w)
+        for i, motion in enumerate(chain.joints):
+            self._q[7 + i], self._v[6 + i], self._a[6 + i] = motion
+
+
+class JointOne(InMotion):
     """u_dc read from Pinocchio's spatial force at arm joint 1.
 
     RNEA at (q, v, [a_A, ddtheta]) leaves the force of the platform on link 1 in `data.f`. Carried
@@ -69,17 +90,11 @@ class JointOne:
 
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own a workspace."""
-        self._links = links
+        super().__init__(vehicle, links)
         self._model, self._data = vehicle.model, vehicle.create_data()
         self._multibody = Multibody(vehicle)
-        self._q, self._v = vehicle.neutral(), np.zeros(self._model.nv)
-        self._a = np.zeros(self._model.nv)
         self._platform = self._model.inertias[1]
         self._has_arm = self._model.njoints > 2
-
-    def chain(self, motions: Sequence[JointMotion]) -> Chain:
-        """Links, and the motions as they are: Pinocchio places the joints itself."""
-        return Chain(self._links, motions)
 
     def compensation(
         self, chain: Chain, R: Any, w: Any, acceleration: Spatial, gravity: float
@@ -104,27 +119,14 @@ class JointOne:
         a = self._multibody.base_acceleration(self._q, self._v, self._a[6:], u)
         return rotate_spatial(R, record(Spatial, a))
 
-    def _look(self, chain: Chain, R: Any, w: Any) -> None:
-        """Attitude, velocities and joint accelerations into Pinocchio's q, v, a."""
-        self._q[3:7] = pin.Quaternion(np.array(R).reshape(3, 3)).coeffs()
-        self._v[3:6] = rotate_back(R, w)
-        for i, motion in enumerate(chain.joints):
-            self._q[7 + i], self._v[6 + i], self._a[6 + i] = motion
 
-
-class NewtonEuler:
+class NewtonEuler(InMotion):
     """The paper's matrix system (21)-(25), solved each time."""
 
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own the system."""
-        self._links = links
+        super().__init__(vehicle, links)
         self._paper = PaperModel(vehicle)
-        self._q, self._v = vehicle.neutral(), np.zeros(vehicle.model.nv)
-        self._ddtheta = np.zeros(vehicle.n_arm)
-
-    def chain(self, motions: Sequence[JointMotion]) -> Chain:
-        """Links, and the motions as they are."""
-        return Chain(self._links, motions)
 
     def compensation(
         self, chain: Chain, R: Any, w: Any, acceleration: Spatial, gravity: float
@@ -132,7 +134,7 @@ class NewtonEuler:
         """u_dc of eq. (20) at a wanted acceleration; see the module's first lines."""
         self._look(chain, R, w)
         wanted = np.array(flat(acceleration))
-        u_dc = self._paper.compensation(self._q, self._v, self._ddtheta, acceleration_W=wanted)
+        u_dc = self._paper.compensation(self._q, self._v, self._a[6:], acceleration_W=wanted)
         return record(Spatial, u_dc)
 
     def acceleration(
@@ -141,14 +143,8 @@ class NewtonEuler:
         """Platform acceleration under a rotor wrench, eq. (21); see the module's first lines."""
         self._look(chain, R, w)
         u = np.array(flat(wrench))
-        solution = self._paper.solve(self._q, self._v, self._ddtheta, wrench_W=u)
+        solution = self._paper.solve(self._q, self._v, self._a[6:], wrench_W=u)
         return record(Spatial, solution.acceleration_W)
-
-    def _look(self, chain: Chain, R: Any, w: Any) -> None:
-        self._q[3:7] = pin.Quaternion(np.array(R).reshape(3, 3)).coeffs()
-        self._v[3:6] = rotate_back(R, w)
-        for i, motion in enumerate(chain.joints):
-            self._q[7 + i], self._v[6 + i], self._ddtheta[i] = motion
 
 
 Model = JointOne | NewtonEuler | Recursion

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from typing import Any, TypeVar
 
 from fullam.checks import Checker
@@ -68,15 +67,8 @@ def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
         SettingsError: A setting that the controller does not have (the message lists its own), or
             one of the wrong type.
     """
-    cls = controller_class(name)
     check = Checker(f"controller '{name}'", SettingsError)
-    values = {} if changes is None else check.table("settings", changes)
-    check.known(values, tuple(f.name for f in fields(cls.Settings)), "setting")
-    try:
-        return cls.Settings(**values)
-    except (TypeError, ValueError, OverflowError) as error:
-        problem = f"is of the wrong type ({error})"
-        raise check.refuse("a setting", problem, f"see the defaults, {cls.Settings()}") from error
+    return check.settings(controller_class(name).Settings, changes)
 
 
 def make_controller(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from typing import Any, TypeVar
 
 from fullam.checks import Checker
@@ -54,12 +53,5 @@ def make_estimator_settings(name: str, changes: Mapping[str, Any] | None = None)
         SettingsError: A setting that the estimator does not have (the message lists its own), or
             one of the wrong type.
     """
-    cls = estimator_class(name)
     check = Checker(f"estimator '{name}'", SettingsError)
-    values = {} if changes is None else check.table("settings", changes)
-    check.known(values, tuple(field.name for field in fields(cls.Settings)), "setting")
-    try:
-        return cls.Settings(**values)
-    except (TypeError, ValueError, OverflowError) as error:
-        problem = f"is of the wrong type ({error})"
-        raise check.refuse("a setting", problem, f"see the defaults, {cls.Settings()}") from error
+    return check.settings(estimator_class(name).Settings, changes)
