@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,15 +49,9 @@ from fullam.control.dc_pid import (
     PidMemory,
     PreviousMemory,
 )
-from fullam.control.dc_pid import command as command_dc_pid
-from fullam.control.dc_pid import command_previous as command_previous_dc_pid
-from fullam.control.dc_pid import delivered_previous as delivered_previous_dc_pid
-from fullam.control.dc_pid import start_previous as start_previous_dc_pid
 from fullam.control.law import KernelLaw, LawKernels
 from fullam.control.lead import asked_from_rotors, led
 from fullam.control.pid import Gains, Limits, bounded
-from fullam.control.pid import delivered as delivered_dc_pid
-from fullam.control.pid import start as start_dc_pid
 from fullam.control.signals import Command, Delivery, Estimate, Target
 from fullam.control.wrench_observer import (
     ObserverMemory,
@@ -250,54 +245,34 @@ def start_beside(numbers, chain, estimate):
     return Beside(observer, caution, Spatial(ZERO, ZERO), ZERO)
 
 
-# What machine code flies: dc-PID's kernels inside, for either way to cut the algebraic loop.
+@cache
+def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
+    """dc-PID+ around the kernels of dc-PID, for either way to cut the algebraic loop.
 
+    Args:
+        dc_pid: dc-PID's kernels.
+        Memory: `PlusMemory` or `PlusPreviousMemory`, whichever holds dc-PID's memory.
+    """
+    start_nominal, command_nominal, delivered_nominal = dc_pid
 
-@kernel
-def start(numbers, chain, estimate):
-    """Memory of the first period."""
-    nominal = start_dc_pid(numbers.nominal, chain, estimate)
-    return PlusMemory(nominal, start_beside(numbers, chain, estimate))
+    @kernel
+    def start(numbers, chain, estimate):
+        nominal = start_nominal(numbers.nominal, chain, estimate)
+        return Memory(nominal, start_beside(numbers, chain, estimate))
 
+    @kernel
+    def command(numbers, chain, estimate, target, memory):
+        answer, nominal, beside = dc_pid_plus(
+            command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
+        )
+        return answer, Memory(nominal, beside)
 
-@kernel
-def command(numbers, chain, estimate, target, memory):
-    """`dc_pid_plus` on the recursion."""
-    answer, nominal, beside = dc_pid_plus(
-        command_dc_pid, delivered_dc_pid, numbers, chain, estimate, target, memory
-    )
-    return answer, PlusMemory(nominal, beside)
+    @kernel
+    def delivered(numbers, chain, estimate, memory, delivery):
+        nominal, beside = inform(delivered_nominal, numbers, chain, estimate, memory, delivery)
+        return Memory(nominal, beside)
 
-
-@kernel
-def delivered(numbers, chain, estimate, memory, delivery):
-    """The memory after a command that could not be delivered."""
-    nominal, beside = inform(delivered_dc_pid, numbers, chain, estimate, memory, delivery)
-    return PlusMemory(nominal, beside)
-
-
-@kernel
-def start_previous(numbers, chain, estimate):
-    """Memory of the first period."""
-    nominal = start_previous_dc_pid(numbers.nominal, chain, estimate)
-    return PlusPreviousMemory(nominal, start_beside(numbers, chain, estimate))
-
-
-@kernel
-def command_previous(numbers, chain, estimate, target, memory):
-    """`dc_pid_plus` on `dc_pid_previous`."""
-    answer, nominal, beside = dc_pid_plus(
-        command_previous_dc_pid, delivered_previous_dc_pid, numbers, chain, estimate, target, memory
-    )
-    return answer, PlusPreviousMemory(nominal, beside)
-
-
-@kernel
-def delivered_previous(numbers, chain, estimate, memory, delivery):
-    """The memory after a command that could not be delivered."""
-    of_dc_pid = delivered_previous_dc_pid
-    nominal, beside = inform(of_dc_pid, numbers, chain, estimate, memory, delivery)
-    return PlusPreviousMemory(nominal, beside)
+    return LawKernels(start, command, delivered)
 
 
 class BothChains(NamedTuple):
@@ -324,9 +299,7 @@ class DcPidPlus(DcPid):
     @property
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
-        if self.previous:
-            return LawKernels(start_previous, command_previous, delivered_previous)
-        return LawKernels(start, command, delivered)
+        return around(super().kernels, self.Memory)
 
     def numbers(self) -> Any:
         """See `DcPidPlusNumbers`."""
@@ -369,7 +342,7 @@ class DcPidPlus(DcPid):
         def law(numbers: Any, _: Any, estimate: Any, target: Any, memory: Any) -> Any:
             return self.nominal(numbers, chain.of_model, estimate, target, memory)
 
-        of_dc_pid = delivered_previous_dc_pid if self.previous else delivered_dc_pid
+        of_dc_pid = super().kernels.delivered
         answer, *memory = dc_pid_plus(
             law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
         )
