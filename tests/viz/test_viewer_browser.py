@@ -10,16 +10,12 @@ from PIL import Image
 import fullam
 from fullam.simulation.simulate import prepare
 from fullam.viz.viewer import browser as browser_module
-from fullam.viz.viewer.browser import Browser, BrowserError, chromium_path
+from fullam.viz.viewer.browser import Browser, BrowserError
 from fullam.viz.viewer.export import write_gif, write_html, write_png
 from fullam.viz.viewer.live import LiveFlight
 from fullam.viz.viewer.portrait import portrait
 from fullam.viz.viewer.replay import film
 from fullam.viz.viewer.server import ViewerServer
-
-needs_chromium = pytest.mark.skipif(
-    chromium_path() is None, reason="no Chromium on this machine to look with"
-)
 
 SIZE = (480, 300)
 """Small, because it is drawn by the processor."""
@@ -64,7 +60,7 @@ def share_that_differs(before, after):
     return float(np.mean(np.abs(pixels(before) - pixels(after)).max(axis=2) > 24))
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_the_live_page_moves_while_it_flies(chromium):
     live = LiveFlight(prepare("task-2", seed=1))
     with ViewerServer(0) as server:
@@ -103,7 +99,7 @@ def test_the_live_page_moves_while_it_flies(chromium):
             assert trail_points(chromium) == 30 * second + 1
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_the_written_page_plays_without_a_network(chromium, run, tmp_path):
     movie = film(run)
     chromium.open(write_html(movie, tmp_path / "flight.html"))
@@ -130,7 +126,7 @@ def test_the_written_page_plays_without_a_network(chromium, run, tmp_path):
     np.testing.assert_allclose(chromium.evaluate(PLATFORM), middle, atol=1e-5)
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_a_film_draws_the_trail_up_to_now(chromium, run, tmp_path):
     movie = film([run, run], rate=20.0)
     chromium.open(write_html(movie, tmp_path / "flights.html"))
@@ -150,7 +146,7 @@ def test_a_film_draws_the_trail_up_to_now(chromium, run, tmp_path):
     assert trail_points(chromium) == 6901
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_what_a_page_complains_of_is_kept(opened, tmp_path):
     page = tmp_path / "bad.html"
     page.write_text(
@@ -165,14 +161,14 @@ def test_what_a_page_complains_of_is_kept(opened, tmp_path):
     assert [c for c in complaints if "missing.png" in c]
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_the_page_asks_the_network_for_nothing(chromium, run, tmp_path):
     chromium.open(write_html(film(run), tmp_path / "flight.html"))
     asked = "performance.getEntriesByType('resource').map((entry) => entry.name)"
     assert [name for name in chromium.evaluate(asked) if not name.startswith("data:")] == []
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_arrows_grow_and_colour_with_the_thrust(chromium, tmp_path):
     vehicle = fullam.load_vehicle("fullam")
     movie = portrait(vehicle, euler_deg=(20.0, 20.0, 0.0))
@@ -199,7 +195,7 @@ def test_arrows_grow_and_colour_with_the_thrust(chromium, tmp_path):
     assert red[0] != pytest.approx(red[1], abs=0.02)
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_stills_and_animations_are_pictures_of_the_flight(run, tmp_path):
     movie = film(run)
     with Image.open(write_png(movie, tmp_path / "a.png", at=0.5, size=SIZE)) as still:
@@ -213,7 +209,7 @@ def test_stills_and_animations_are_pictures_of_the_flight(run, tmp_path):
     assert np.mean(np.abs(last - first) > 24) > 0.005
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_a_page_that_raises_says_so(chromium):
     with pytest.raises(BrowserError, match="nonsense"):
         chromium.evaluate("nonsense.at.all")
@@ -221,7 +217,7 @@ def test_a_page_that_raises_says_so(chromium):
         chromium.command("No.such")
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_no_browser_is_left_behind():
     browser = Browser(*SIZE)
     process, profile = browser._process, browser._profile.name

@@ -9,13 +9,11 @@ import pytest
 import fullam
 from fullam.simulation.free import plan_of
 from fullam.simulation.refly import hand_forces
-from fullam.viz.viewer.browser import Browser, chromium_path
+from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.live import LiveFlight
 from fullam.viz.viewer.server import ViewerServer
 
-pytestmark = pytest.mark.skipif(
-    chromium_path() is None, reason="no Chromium on this machine to look with"
-)
+pytestmark = pytest.mark.browser
 
 SIZE = (900, 560)
 

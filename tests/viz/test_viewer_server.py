@@ -19,7 +19,7 @@ import tornado.websocket
 from tornado.websocket import websocket_connect
 
 from fullam.simulation.free import plan_of
-from fullam.viz.viewer.browser import Browser, chromium_path
+from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.frame import frame_html
 from fullam.viz.viewer.handlers import BURST, MOST_BYTES, MOST_PAGES
 from fullam.viz.viewer.live import LiveFlight
@@ -272,12 +272,7 @@ class Proxy:
         self.thread.join(10.0)
 
 
-needs_chromium = pytest.mark.skipif(
-    chromium_path() is None, reason="no Chromium on this machine to look with"
-)
-
-
-@needs_chromium
+@pytest.mark.browser
 def test_behind_a_proxy_that_rewrites_paths_the_flight_is_seen_and_touched(tmp_path):
     live = LiveFlight(plan_of("fullam", duration=30.0))
     with ViewerServer(0) as server, Proxy() as proxy, Browser(480, 300, network=False) as browser:
@@ -300,7 +295,7 @@ def test_behind_a_proxy_that_rewrites_paths_the_flight_is_seen_and_touched(tmp_p
             pilot.join(20.0)
 
 
-@needs_chromium
+@pytest.mark.browser
 def test_a_notebook_cell_finds_the_server_here_or_through_the_notebooks_own(tmp_path):
     """As in JupyterLab, whose page tells its base address; what cannot be reached is said."""
     live = LiveFlight(plan_of("fullam", duration=5.0))
