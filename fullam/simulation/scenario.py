@@ -16,6 +16,7 @@ from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
+from fullam.simulation.excitation import ArmExcitation, Excitation
 from fullam.simulation.references import Reference, Step
 from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
@@ -25,6 +26,10 @@ Array = NDArray[np.float64]
 
 LONGEST = 1e4
 """Longest flight [s]: at 1 kHz its tables take about a gigabyte."""
+
+REFERENCES: dict[str, type] = {**references.KINDS, Excitation.kind: Excitation}
+ARM_MOTIONS: dict[str, type] = {**arm_motion.KINDS, ArmExcitation.kind: ArmExcitation}
+"""What a file may name, by kind."""
 
 AXES = ("x", "y", "z", "phi", "psi", "gamma")
 """Names of the six axes: position, then x-y-z Euler angles (or the moments about x, y, z)."""
@@ -52,13 +57,13 @@ class Scenario:
     """
 
     name: str
-    reference: Reference = field(default_factory=lambda: Step((0.0, 0.0, 1.0)))
+    reference: Reference | Excitation = field(default_factory=lambda: Step((0.0, 0.0, 1.0)))
     description: str = ""
     vehicle: str = "fullam"
     initial_position: tuple[float, float, float] = (0.0, 0.0, 1.0)
     initial_euler_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     initial_arm_deg: tuple[float, ...] = ()
-    arm_motion: ArmMotion = field(default_factory=HoldArm)
+    arm_motion: ArmMotion | ArmExcitation = field(default_factory=HoldArm)
     duration: float = 6.0
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
@@ -161,12 +166,10 @@ class Scenario:
     def _values(values: dict[str, Any]) -> dict[str, Any]:
         """The fields with their tables turned into objects."""
         if "reference" in values:
-            values["reference"] = references.from_dict(
-                references.KINDS, "reference", values["reference"]
-            )
+            values["reference"] = references.from_dict(REFERENCES, "reference", values["reference"])
         if "arm_motion" in values:
             values["arm_motion"] = references.from_dict(
-                arm_motion.KINDS, "arm motion", values["arm_motion"]
+                ARM_MOTIONS, "arm motion", values["arm_motion"]
             )
         if isinstance(values.get("weather"), str):
             values["weather"] = named_weather(values["weather"])
