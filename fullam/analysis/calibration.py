@@ -31,12 +31,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from fullam.analysis.measured_motion import MeasuredMotion, about_start
 from fullam.checks import Checker, Range, positive
 from fullam.dynamics.momentum_regressor import PER_BODY, MomentumRegressor, parameters
-from fullam.dynamics.rotations import quaternion_rotation
 from fullam.exceptions import SettingsError
 from fullam.model.bodies import body_tables
-from fullam.model.rotors import Rotors
+from fullam.model.rotors import Rotors, coupling_matrix
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.run import Run
 
@@ -50,7 +50,7 @@ SHORTEST = 5.0
 """A record of less than this tells nothing [s]."""
 
 ROUNDS = 4
-"""Times that the noise is estimated from the residuals; its weights change little after the second."""
+"""Times that the noise is estimated from the residuals; after the second it changes little."""
 
 FLOOR = 1e-4
 """Either noise is at least this share of the residuals' variance: nobody measures without."""
@@ -187,23 +187,15 @@ class Balance:
     @classmethod
     def of(cls, run: Run, vehicle: Vehicle) -> Balance:
         """The balance of what a record has measured, about where it began."""
-        t, pose = run.t, run.measured_pose
-        period = float(t[1] - t[0])
-        R = quaternion_rotation(pose[:, 3:])
-        body_velocity = [
-            np.einsum("nji,nj->ni", R, run.measured_velocity[:, i : i + 3]) for i in (0, 3)
-        ]
-        q, v = np.hstack([pose, run.arm]), np.hstack([*body_velocity, run.arm_rate])
-        regressor = MomentumRegressor(vehicle, pose[0, :3])
-        pairs = [regressor(*row) for row in zip(q, v, strict=True)]
+        motion = MeasuredMotion.of(run, vehicle.rotors)
+        regressor = MomentumRegressor(vehicle, motion.pose[0, :3])
+        pairs = [regressor(*row) for row in zip(motion.q, motion.v, strict=True)]
         H, G = (np.array(part) for part in zip(*pairs, strict=True))
-        U = rotor_columns(vehicle.rotors, run.rotor_commands, period)
-        middle, lever = 0.5 * (R[1:] + R[:-1]), 0.5 * (pose[1:, :3] + pose[:-1, :3]) - pose[0, :3]
-        force, moment = middle @ U[:-1, :3], middle @ U[:-1, 3:]
-        moment += np.cross(lever[:, None], force.swapaxes(1, 2)).swapaxes(1, 2)
+        period, t = motion.period, motion.t
+        columns = rotor_columns(vehicle.rotors) * np.tile(motion.squares[:-1], 2)[:, None]
         rows = np.arange(0, len(t), max(1, round(SPACING / period)))
         gravity = _sums(0.5 * period * (G[1:] + G[:-1]))[rows]
-        rotors = _sums(period * np.concatenate([force, moment], axis=1))[rows]
+        rotors = _sums(period * about_start(columns, motion))[rows]
         return cls(t[rows] - t[0], H[rows] - gravity, -rotors)
 
 
@@ -212,33 +204,13 @@ def _sums(steps: Array) -> Array:
     return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
 
 
-def rotor_columns(rotors: Rotors, commands: Array, period: float) -> Array:
-    """Wrench of each rotor's thrust, then of each one's drag, mean over each period; {A} axes.
-
-    A speed follows its command c with the rotor's lag l, Omega = c + g exp(-t / l); the mean of its
-    square over a period T is c^2 + 2 c g l/T (1 - e) + g^2 l/(2T) (1 - e^2), e = exp(-T / l).
-
-    Args:
-        rotors: The rotors.
-        commands: Speeds that were asked for, shape (N, n) [rad/s]; the first ones are there.
-        period: T [s].
-
-    Returns:
-        Shape (N, 6, 2 n) [N, N m]; their sum is the rotors' wrench.
-    """
-    lag = np.maximum(rotors.lags, 1e-9)
-    left = np.exp(-period / lag)
-    squares, speeds = np.empty_like(commands), commands[0].copy()
-    for k, command in enumerate(commands):
-        gap = speeds - command
-        squares[k] = command**2 + 2.0 * command * gap * lag / period * (1.0 - left)
-        squares[k] += gap**2 * lag / (2.0 * period) * (1.0 - left**2)
-        speeds = command + gap * left
-    force = (rotors.axes * rotors.k_f[:, None]).T
-    lever = np.cross(rotors.positions, rotors.axes).T * rotors.k_f
-    drag = (rotors.axes * (rotors.spins * rotors.k_tau)[:, None]).T
-    thrust = np.vstack([force, lever]) * squares[:, None]
-    return np.concatenate([thrust, np.vstack([0.0 * drag, drag]) * squares[:, None]], axis=2)
+def rotor_columns(rotors: Rotors) -> Array:
+    """The coupling matrix (34) in two: of each rotor's thrust, then of its drag, shape (6, 2 n)."""
+    still = np.zeros(rotors.count)
+    parts = (rotors.k_f, still), (still, rotors.k_tau)
+    return np.hstack(
+        [coupling_matrix(rotors.positions, rotors.axes, rotors.spins, *part) for part in parts]
+    )
 
 
 @dataclass(frozen=True, eq=False)
