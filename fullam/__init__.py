@@ -34,8 +34,8 @@ from fullam.version import __version__
 if TYPE_CHECKING:
     from fullam.analysis.calibration import calibrate
     from fullam.analysis.calibration_flight import excitation_flight
-    from fullam.analysis.external_wrench import WrenchSettings, external_wrench
     from fullam.analysis.diagnosis import diagnose
+    from fullam.analysis.external_wrench import WrenchSettings, external_wrench
     from fullam.analysis.margins import loop_margins
     from fullam.analysis.metrics import Metrics, measure
     from fullam.control.allocation import Allocation, Allocator

@@ -188,7 +188,7 @@ def external_wrench(
 
 
 def unexplained(motion: MeasuredMotion, vehicle: Vehicle) -> Array:
-    """x of each period, at the origin of {A} in world axes, shape (N - 1, 6) [N, N m]."""
+    """The x of each period, at the origin of {A} in world axes, shape (N - 1, 6) [N, N m]."""
     model, data, start = vehicle.model, vehicle.create_data(), motion.pose[0, :3]
     h, center = np.empty((len(motion.q), 6)), np.empty((len(motion.q), 3))
     for k, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
