@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis.atlas.facets import facets_of
 from fullam.analysis.atlas.loads import load_of
 from fullam.analysis.atlas.rays import attained
 from fullam.analysis.foresight import reach_warning
@@ -23,6 +22,7 @@ from fullam.analysis.pushed import as_kernels
 from fullam.control.controllers import recommended_estimator
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.exceptions import FullamError
+from fullam.model.attainable.facets import facets_of
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.oscillation import LAST, errors, swing

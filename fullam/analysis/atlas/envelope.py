@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.facets import Facets, facets_of
 from fullam.analysis.atlas.hover import least_effort, least_total_thrust
 from fullam.analysis.atlas.loads import Load, load_of
 from fullam.analysis.atlas.rays import OUTSIDE, ROUNDING, Margin, margin, multiples, reach
@@ -21,6 +20,7 @@ from fullam.analysis.atlas.tilt import (
     tilt_rose,
     worst_tilt,
 )
+from fullam.model.attainable.facets import Facets, facets_of
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 
