@@ -11,7 +11,8 @@ the target is taken back while force is short. With
     dg/dt = (m - tolerated) / patience, not faster back than 1 / recovery,    0 <= g <= 1,
 
 the target's tilt theta (between its z and the world's) becomes (1 - g) theta, about the same
-horizontal axis. What is missing is measured against the exact bounds of the coupling matrix, by the
+horizontal axis. (With a failed rotor another attitude than level has the most to spare, see `trim`;
+the tilt is then that from it.) What is missing is measured against the exact bounds of the coupling matrix, by the
 allocation itself, so nothing has to be assumed about the vehicle. A flight whose force is never
 short for long is not touched, to the last bit. The governor stands before the law and knows none.
 """
@@ -22,6 +23,7 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fullam.checks import Checker, Range
 from fullam.control.signals import Target
@@ -31,7 +33,10 @@ from fullam.exceptions import SettingsError
 from fullam.numbers.elementary import arctan2
 from fullam.numbers.kernel import Number, clip, kernel, maximum, select, some, sqrt
 from fullam.numbers.records import Rows
-from fullam.numbers.vectors import dot
+from fullam.numbers.vectors import Vector, dot, rotate
+
+UP = (0.0, 0.0, 1.0)
+"""Level has the most force to spare, if all rotors turn."""
 
 LEVEL = 1e-18
 """Squared sine of the tilt below which an attitude is level."""
@@ -60,21 +65,31 @@ class Governor:
             value = check.number(field.name, getattr(self, field.name), Range(1e-6, 1e6))
             object.__setattr__(self, field.name, value)
 
-    def numbers(self, weight: float, period: float) -> Rows:
-        """One row of numbers for a vehicle of that weight [N] and a control period [s]."""
+    def numbers(self, weight: float, period: float, up: ArrayLike = UP) -> Rows:
+        """One row of numbers.
+
+        Args:
+            weight: Of the vehicle [N].
+            period: Control period [s].
+            up: Up vector, seen from {A}, of the attitude with most force to spare, shape (3,).
+        """
         renewal = 1.0 - float(np.exp(-period / self.memory))
         rates = [period / self.patience, period / self.recovery]
-        return Rows(GovernorNumbers, [[weight, renewal, self.tolerated, *rates]])
+        return Rows(GovernorNumbers, [[weight, renewal, self.tolerated, *rates, *np.asarray(up)]])
 
 
 class GovernorNumbers(NamedTuple):
-    """Weight [N]; share of the mean renewed in a period; tolerated mean; rates times the period."""
+    """Weight [N]; share of the mean renewed in a period; tolerated mean; rates times the period.
+
+    And what shall point up where the tilt is given up, seen from {A}.
+    """
 
     weight: Number
     renewal: Number
     tolerated: Number
     urgency: Number
     relief: Number
+    up: Vector
 
 
 class GovernorMemory(NamedTuple):
@@ -95,14 +110,17 @@ class GovernView(NamedTuple):
 
 
 @kernel
-def levelled(attitude, share):
-    """An attitude with a share of its tilt taken back, about the same horizontal axis."""
+def levelled(attitude, share, up):
+    """An attitude with a share of its tilt taken back, about the same horizontal axis.
+
+    The tilt is that of the body's vector `up` from the vertical; of its z axis if nothing is wrong.
+    """
     R = rotation_matrix(attitude)
-    x, y = R[2], R[5]  # of its z axis
+    x, y, z = rotate(R, up)
     square = x * x + y * y
     tilted = square > LEVEL
     sine = sqrt(select(tilted, square, 1.0))
-    turn = select(tilted, share * arctan2(sine, R[8]) / sine, 0.0)
+    turn = select(tilted, share * arctan2(sine, z) / sine, 0.0)
     return compose(exponential((turn * y, -turn * x, 0.0)), attitude)
 
 
@@ -122,7 +140,7 @@ def govern(view, k):
     governed = given_up > 0.0
     if some(governed):
         attitude = target.pose.attitude
-        attitude = select(governed, levelled(attitude, given_up), attitude)
+        attitude = select(governed, levelled(attitude, given_up, n.up), attitude)
         pose = Pose(target.pose.position, attitude)
         view.target[0] = Target(pose, target.velocity, target.acceleration)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
 from fullam.control.estimator import Estimator
-from fullam.control.governor import Governor
+from fullam.control.governor import UP, Governor
 from fullam.control.signals import Ahead, Target
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView, place
@@ -76,7 +76,11 @@ class Tables:
         self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
         governor: Governor = s.governor or Governor()
         self.is_governed = s.governor is not None
-        self.governor = governor.numbers(nominal.mass * nominal.gravity, s.control_period)
+        self.governor = governor.numbers(
+            nominal.mass * nominal.gravity,
+            s.control_period,
+            plan.trim.up if plan.trim is not None and plan.trim.holds else UP,
+        )
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
         cosine = np.cos(half_angle) if half_angle < 0.5 * np.pi else 0.0

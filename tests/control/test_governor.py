@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fullam
-from fullam.control.governor import Governor, GovernorMemory, GovernView, govern, hand_on, levelled
+from fullam.control.governor import UP, Governor, GovernorMemory, GovernView, govern, hand_on, levelled
 from fullam.control.signals import Delivery, Target
 from fullam.dynamics.so3 import compose, exponential, rotation_matrix
 from fullam.exceptions import FullamError, SettingsError
@@ -36,12 +36,12 @@ def test_tilt_shrinks_by_the_share_about_the_same_axis_and_heading_stays(rng, sh
         tilted = compose(exponential(tuple(angle * axis)), yaw)
         expected = compose(exponential(tuple((1.0 - share) * angle * axis)), yaw)
         # Rounding of a dozen products, and of the arc tangent near 90 deg.
-        np.testing.assert_allclose(levelled(tilted, share), expected, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(levelled(tilted, share, UP), expected, rtol=0, atol=1e-14)
 
 
 def test_level_attitudes_stay_as_they_are():
     level = exponential((0.0, 0.0, 0.7))
-    assert levelled(level, 1.0) == level
+    assert levelled(level, 1.0, UP) == level
 
 
 def governed(missing, periods, kernel=govern, compiled=False, settings=None):
