@@ -31,12 +31,15 @@ from fullam.dynamics.so3 import compose, exponential, rotation_matrix
 from fullam.dynamics.spatial import Pose
 from fullam.exceptions import SettingsError
 from fullam.numbers.elementary import arctan2
-from fullam.numbers.kernel import Number, clip, kernel, maximum, select, some, sqrt
+from fullam.numbers.kernel import Number, clip, kernel, maximum, minimum, select, some, sqrt
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector, dot, rotate
 
 UP = (0.0, 0.0, 1.0)
 """Level has the most force to spare, if all rotors turn."""
+
+ONSET = 0.5
+"""A tilt that is given up in any case is gone after this time [s]."""
 
 LEVEL = 1e-18
 """Squared sine of the tilt below which an attitude is level."""
@@ -65,23 +68,27 @@ class Governor:
             value = check.number(field.name, getattr(self, field.name), Range(1e-6, 1e6))
             object.__setattr__(self, field.name, value)
 
-    def numbers(self, weight: float, period: float, up: ArrayLike = UP) -> Rows:
+    def numbers(
+        self, weight: float, period: float, up: ArrayLike = UP, least: float = 0.0
+    ) -> Rows:
         """One row of numbers.
 
         Args:
             weight: Of the vehicle [N].
             period: Control period [s].
             up: Up vector, seen from {A}, of the attitude with most force to spare, shape (3,).
+            least: Share of the tilt that is given up in any case, from 0 to 1.
         """
         renewal = 1.0 - float(np.exp(-period / self.memory))
-        rates = [period / self.patience, period / self.recovery]
-        return Rows(GovernorNumbers, [[weight, renewal, self.tolerated, *rates, *np.asarray(up)]])
+        row = [weight, renewal, self.tolerated, period / self.patience, period / self.recovery]
+        return Rows(GovernorNumbers, [[*row, *np.asarray(up, dtype=float), least, period / ONSET]])
 
 
 class GovernorNumbers(NamedTuple):
     """Weight [N]; share of the mean renewed in a period; tolerated mean; rates times the period.
 
-    And what shall point up where the tilt is given up, seen from {A}.
+    What shall point up where the tilt is given up, seen from {A}; the share of it that is given up
+    in any case, and how much of that a period takes.
     """
 
     weight: Number
@@ -90,6 +97,8 @@ class GovernorNumbers(NamedTuple):
     urgency: Number
     relief: Number
     up: Vector
+    least: Number
+    onset: Number
 
 
 class GovernorMemory(NamedTuple):
@@ -134,6 +143,7 @@ def govern(view, k):
     shortage = memory.shortage + n.renewal * (now - memory.shortage)
     change = maximum(n.urgency * (shortage - n.tolerated), -n.relief)
     given_up = clip(memory.given_up + change, 0.0, 1.0)
+    given_up = maximum(given_up, minimum(n.least, memory.given_up + n.onset))
     view.memory[0] = GovernorMemory(shortage, given_up)
     target = view.targets[k]
     view.target[0] = target

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.dynamics.rotations import skew
 from fullam.model.attainable.facets import Facets
 
 Array = NDArray[np.float64]
@@ -94,6 +95,14 @@ def _ups(xy: Array) -> Array:
     return np.hstack([xy, z])
 
 
+def rotation_between(a: Array, b: Array) -> Array:
+    """The smallest rotation that takes a unit vector to another, not opposite one; (3, 3)."""
+    v = np.cross(a, b)
+    K = skew(v)
+    found: Array = np.eye(3) + K + K @ K / (1.0 + a @ b)
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Trim:
     """How a vehicle with failed rotors hovers.
@@ -119,6 +128,11 @@ class Trim:
     def tilt(self) -> float:
         """Tilt of the trim attitude [rad]."""
         return float(np.arccos(min(self.up[2], 1.0)))
+
+    @property
+    def rotation(self) -> Array:
+        """The trim attitude R_WA that is nearest to level, shape (3, 3)."""
+        return rotation_between(self.up, np.array([0.0, 0.0, 1.0]))
 
     @property
     def holds(self) -> bool:

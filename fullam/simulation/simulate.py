@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from fullam.checks import Checker
+from fullam.checks import Checker, shown
 from fullam.control.controllers import make_settings
 from fullam.exceptions import Diverged, ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
@@ -32,6 +32,7 @@ class Choices(TypedDict, total=False):
 
     Attributes:
         vehicle: The nominal vehicle; the scenario's own by default.
+        failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
         seed: Seed of noise, gusts and parameter errors; 0 by default.
         weather: A weather or its name; the scenario's own by default.
         calm: No noise, no gusts, no parameter errors, whatever the weather.
@@ -44,6 +45,7 @@ class Choices(TypedDict, total=False):
     """
 
     vehicle: Vehicle | str | None
+    failed: Sequence[int | str]
     seed: int
     weather: Weather | str | None
     calm: bool
@@ -64,6 +66,12 @@ def prepare(
     vehicle = choices.get("vehicle")
     if not isinstance(vehicle, Vehicle):
         vehicle = load_vehicle(scenario.vehicle if vehicle is None else vehicle)
+    failed = choices.get("failed", ())
+    if not isinstance(failed, list | tuple):
+        problem = f"is {shown(failed)}"
+        raise ScenarioError("flight", "failed", problem, "give a list of names, or of indices")
+    if failed:
+        vehicle = vehicle.with_failed(*failed)
     settings = choices.get("settings")
     if settings is None or isinstance(settings, Mapping):
         settings = make_settings(controller, settings)
@@ -128,7 +136,7 @@ def simulate(
         throw: Raise when the flight diverges (at the prompt); False returns the partial run with
             outcome "diverged" (in a campaign).
         **choices: `vehicle` (nominal; an instance, a name or a path), `seed` (of the weather, 0),
-            `weather` (an instance or a name), `calm` (no weather at all), `settings` (the
+            `failed` (rotors that stand still, known to all), `weather` (an instance or a name), `calm` (no weather at all), `settings` (the
             controller's) and `shaping` (of the reference; both an instance or a mapping of what
             differs), `simulation` (rates, integrator, sensors, estimator). Each has the scenario's
             own or the default where it is left out; see `Choices`.
