@@ -104,7 +104,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
     exact.
     """
     s, euler_deg = plan.scenario, (0.0, 0.0, 0.0)
-    if plan.trim is not None and plan.trim.holds:
+    if plan.trim is not None:
         x, y, z = np.degrees(euler_angles(plan.trim.rotation)).tolist()
         euler_deg = (x, y, z)
     scenario = replace(

@@ -201,7 +201,7 @@ def warn_of_reach(plan: FlightPlan) -> None:
     from fullam.analysis.foresight import reach_warning
     from fullam.exceptions import VehicleError
 
-    if plan.trim is not None and plan.trim.holds:
+    if plan.trim is not None:
         return  # `tell_of_failure` says what is held instead
     try:
         found = reach_warning(plan.scenario, plan.nominal)

@@ -11,10 +11,11 @@ the target is taken back while force is short. With
     dg/dt = (m - tolerated) / patience, not faster back than 1 / recovery,    0 <= g <= 1,
 
 the target's tilt theta (between its z and the world's) becomes (1 - g) theta, about the same
-horizontal axis. (With a failed rotor another attitude than level has the most to spare, see `trim`;
-the tilt is then that from it.) What is missing is measured against the exact bounds of the coupling matrix, by the
-allocation itself, so nothing has to be assumed about the vehicle. A flight whose force is never
-short for long is not touched, to the last bit. The governor stands before the law and knows none.
+horizontal axis. With a failed rotor another attitude than level has the most force to spare (see
+`trim`), and theta is the angle from that one. What is missing is measured against the exact bounds
+of the coupling matrix, by the allocation itself, so nothing has to be assumed about the vehicle. A
+flight whose force is never short for long is not touched, to the last bit. The governor stands
+before the law and knows none.
 """
 
 from __future__ import annotations
@@ -68,9 +69,7 @@ class Governor:
             value = check.number(field.name, getattr(self, field.name), Range(1e-6, 1e6))
             object.__setattr__(self, field.name, value)
 
-    def numbers(
-        self, weight: float, period: float, up: ArrayLike = UP, least: float = 0.0
-    ) -> Rows:
+    def numbers(self, weight: float, period: float, up: ArrayLike = UP, least: float = 0.0) -> Rows:
         """One row of numbers.
 
         Args:

@@ -57,13 +57,17 @@ class HoverMargins:
         """Of what rotors attain.
 
         Args:
-            facets: Of rotors that produce all six axes.
+            facets: Of the rotors; disturbances are those that they can answer.
             weight: m g [N].
             centers: Centres of mass in {A}, shape (k, 3) or (3,) [m].
             length: What turns moments into forces [m].
         """
         force, moment = facets.normals[:, :3], facets.normals[:, 3:]
-        size = np.hypot(np.linalg.norm(force, axis=1), length * np.linalg.norm(moment, axis=1))
+        scale = np.array([1.0, 1.0, 1.0, length, length, length])
+        balls, lacking = facets.normals * scale, facets.equalities * scale
+        if len(lacking):
+            balls = balls - balls @ np.linalg.pinv(lacking) @ lacking
+        size = np.linalg.norm(balls, axis=1)
         rows = [force + np.cross(moment, c) for c in np.atleast_2d(centers)]
         q = np.vstack([side * row / size[:, None] for row in rows for side in (1.0, -1.0)])
         offset = facets.normals @ facets.center
@@ -113,7 +117,8 @@ class Trim:
         margin: Its margin: any force f and moment M with |f|^2 + |M / length|^2 up to its square
             can be added [N]. Not above 0: no attitude can be held.
         level: The margin of the level attitude [N].
-        asked: The least margin of the attitudes that are asked for [N].
+        asked: The least margin of the attitudes that are asked for [N]; None if nobody knows them
+            yet, as in a flight under somebody's hands.
         length: What turns moments into forces [m].
     """
 
@@ -121,7 +126,7 @@ class Trim:
     up: Array
     margin: float
     level: float
-    asked: float
+    asked: float | None
     length: float
 
     @property
@@ -142,7 +147,7 @@ class Trim:
     @property
     def is_needed(self) -> bool:
         """Whether the attitudes that are asked for are given up for the trim attitude."""
-        return self.asked < WORTH_KEEPING * self.margin
+        return self.asked is None or self.asked < WORTH_KEEPING * self.margin
 
     def __str__(self) -> str:
         """What is held and what is given up, in a line."""
@@ -150,18 +155,16 @@ class Trim:
         spare = f"{self.margin:.1f} N to spare"
         if not self.holds:
             return (
-                f"{dead}: no attitude can be held, the best one lacks {-self.margin:.1f} N; "
-                "moment comes before force, and it comes down"
+                f"{dead}: no attitude can be held; it sinks, tilted by "
+                f"{np.degrees(self.tilt):.0f} deg, where {-self.margin:.1f} N are lacking "
+                f"(level {-self.level:.1f} N): moment comes before force"
             )
         if not self.is_needed:
             return f"{dead}: position and attitude are held, with {self.asked:.1f} N to spare"
-        tilt = np.degrees(self.tilt)
-        if tilt < 0.5:
-            return f"{dead}: position and heading are held, level, with {spare}; tilt is given up"
+        asked = "" if self.asked is None else f", as asked {self.asked:.1f} N"
         return (
-            f"{dead}: position and heading are held, tilted by {tilt:.0f} deg, with {spare} "
-            f"(level {self.level:.1f} N, as asked {self.asked:.1f} N); the tilt asked for is given "
-            "up"
+            f"{dead}: position and heading are held, tilted by {np.degrees(self.tilt):.0f} deg, "
+            f"with {spare} (level {self.level:.1f} N{asked}); the tilt asked for is given up"
         )
 
     def to_dict(self) -> dict[str, object]:
@@ -175,6 +178,6 @@ class Trim:
             "margin_asked_N": self.asked,
             "margin_length_m": self.length,
             "holds": self.holds,
-            "gives_up_tilt": self.holds and self.is_needed,
+            "gives_up_tilt": self.is_needed,
             "says": str(self),
         }

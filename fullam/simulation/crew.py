@@ -198,10 +198,10 @@ class CrewChange:
         if governor is None or not all(plan.scenario.axes_mask):
             return
         nominal = plan.nominal.with_failed(*sorted(known))
-        trim = trim_of(nominal, plan.arm.theta, plan.asked.pose[:, 3:])
+        trim = trim_of(nominal, plan.arm.theta)
         now, weight = view.numbers[0], nominal.mass * nominal.gravity
         up, least = now.up, 0.0
-        if trim is not None and trim.holds:
+        if trim is not None:
             up, least = tuple(trim.up), 1.0
         rows = governor.numbers(weight, plan.simulation.control_period, up, least)
         stage = self._flight.stages["govern"][0]

@@ -28,7 +28,7 @@ from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.trimmed import USED, blended, trim_of, trimmed
+from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.weather import Forecast, Weather, forecast
 
 Array = NDArray[np.float64]
@@ -112,11 +112,10 @@ class FlightPlan:
         start, anticipation, trim = scenario.initial_pose, None, None
         if simulation.governor is not None and all(scenario.axes_mask):
             trim = trim_of(vehicle, arm.theta, asked.pose[:, 3:])
-        if trim is None or not (trim.holds and trim.is_needed):
+        if trim is None or not trim.is_needed:
             reference = scenario.shaping.blend(asked, start)
         else:
-            spare = USED * trim.margin / vehicle.mass
-            reference = blended(trimmed(asked, trim.up), start, scenario.shaping, spare)
+            reference = trim_reference(asked, start, scenario.shaping, trim, vehicle.mass)
         if scenario.shaping.anticipates(asked, start):
             estimator = make_estimator(simulation, weather, vehicle.gravity)
             law = controller_class(controller)(vehicle, settings, period, scenario.axes_mask)

@@ -136,9 +136,10 @@ def simulate(
         throw: Raise when the flight diverges (at the prompt); False returns the partial run with
             outcome "diverged" (in a campaign).
         **choices: `vehicle` (nominal; an instance, a name or a path), `seed` (of the weather, 0),
-            `failed` (rotors that stand still, known to all), `weather` (an instance or a name), `calm` (no weather at all), `settings` (the
-            controller's) and `shaping` (of the reference; both an instance or a mapping of what
-            differs), `simulation` (rates, integrator, sensors, estimator). Each has the scenario's
+            `failed` (rotors that stand still and are known to), `weather` (an instance or a name),
+            `calm` (no weather at all), `settings` (the controller's) and `shaping` (of the
+            reference; both an instance or a mapping of what differs), `simulation` (rates,
+            integrator, sensors, estimator). Each has the scenario's
             own or the default where it is left out; see `Choices`.
 
     Raises:

@@ -79,7 +79,7 @@ class Tables:
         self.governor = governor.numbers(
             nominal.mass * nominal.gravity,
             s.control_period,
-            plan.trim.up if plan.trim is not None and plan.trim.holds else UP,
+            UP if plan.trim is None else plan.trim.up,
         )
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)

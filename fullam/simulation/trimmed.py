@@ -37,17 +37,20 @@ ARM_POSES = 25
 USED = 0.5
 """Share of the margin that a blend may take for its acceleration."""
 
+LEAST_ACCELERATION = 0.1
+"""What a blend accelerates with where nothing is to spare [m/s^2]."""
+
 LEAST = 1e-9
 """Least 1 + e . z: upside down a heading means nothing."""
 
 
-def trim_of(vehicle: Vehicle, arm: Array, attitudes: Array) -> Trim | None:
+def trim_of(vehicle: Vehicle, arm: Array, attitudes: Array | None = None) -> Trim | None:
     """The trim of a vehicle with failed rotors; None if none has failed, or an axis is lacking.
 
     Args:
         vehicle: The nominal vehicle.
         arm: Its arm poses, shape (k, n_arm).
-        attitudes: Attitudes that are asked for, shape (m, 4), quaternions xyzw.
+        attitudes: Attitudes that are asked for, shape (m, 4), quaternions xyzw; if they are known.
     """
     rotors, weight = vehicle.rotors, vehicle.mass * vehicle.gravity
     failed = np.flatnonzero(rotors.max_speeds == 0.0)
@@ -59,10 +62,12 @@ def trim_of(vehicle: Vehicle, arm: Array, attitudes: Array) -> Trim | None:
     length = float(np.linalg.norm(rotors.positions, axis=1).mean()) or 1.0
     margins = HoverMargins.of(facets, weight, _centers(vehicle, arm), length)
     up, margin = margins.best()
-    ups = np.unique(np.round(quaternion_rotation(attitudes)[:, 2, :], 6), axis=0)
-    level, asked = margins.at(np.array([0.0, 0.0, 1.0])), margins.at(ups).min()
+    asked = None
+    if attitudes is not None:
+        ups = np.unique(np.round(quaternion_rotation(attitudes)[:, 2, :], 6), axis=0)
+        asked = float(margins.at(ups).min())
     names = tuple(rotors.names[i] for i in failed)
-    return Trim(names, up, margin, float(level), float(asked), length)
+    return Trim(names, up, margin, float(margins.at(np.eye(3)[2])), asked, length)
 
 
 def _centers(vehicle: Vehicle, arm: Array) -> Array:
@@ -73,6 +78,22 @@ def _centers(vehicle: Vehicle, arm: Array) -> Array:
     data, model = vehicle.create_data(), vehicle.model
     found = [np.array(pin.centerOfMass(model, data, vehicle.neutral(pose))) for pose in poses]
     return np.array(found)
+
+
+def trim_reference(
+    asked: ReferenceTable, start: Array, shaping: Shaping, trim: Trim, mass: float
+) -> ReferenceTable:
+    """What a vehicle with failed rotors is to follow: trimmed, and blended within its margin.
+
+    Args:
+        asked: The reference.
+        start: Pose from which the first row is a jump, shape (7,).
+        shaping: The scenario's shaping.
+        trim: How the vehicle hovers.
+        mass: Of the vehicle [kg].
+    """
+    acceleration = max(USED * trim.margin / mass, LEAST_ACCELERATION)
+    return blended(trimmed(asked, trim.up), start, shaping, acceleration)
 
 
 def trimmed(table: ReferenceTable, up: Array) -> ReferenceTable:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 import fullam
-from fullam.control.governor import UP, Governor, GovernorMemory, GovernView, govern, hand_on, levelled
+from fullam.control.governor import (
+    UP,
+    Governor,
+    GovernorMemory,
+    GovernView,
+    govern,
+    hand_on,
+    levelled,
+)
 from fullam.control.signals import Delivery, Target
 from fullam.dynamics.so3 import compose, exponential, rotation_matrix
 from fullam.exceptions import FullamError, SettingsError

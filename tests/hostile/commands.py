@@ -29,8 +29,8 @@ WORDS = (
 OPTIONS = {
     "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
             "--estimator --governor --failed --shape --figure --driver --calm --json"),
-    "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --failed --shape "
-                "--figure --driver --calm --json"),
+    "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --shape "
+                "--failed --figure --driver --calm --json"),
     "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
               "--weather --failed"),
     "list": "--json",
