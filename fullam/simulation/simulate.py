@@ -32,7 +32,6 @@ class Choices(TypedDict, total=False):
 
     Attributes:
         vehicle: The nominal vehicle; the scenario's own by default.
-        failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
         seed: Seed of noise, gusts and parameter errors; 0 by default.
         weather: A weather or its name; the scenario's own by default.
         calm: No noise, no gusts, no parameter errors, whatever the weather.
@@ -42,16 +41,17 @@ class Choices(TypedDict, total=False):
             what differs from the defaults.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
+        failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
     """
 
     vehicle: Vehicle | str | None
-    failed: Sequence[int | str]
     seed: int
     weather: Weather | str | None
     calm: bool
     settings: Any
     simulation: SimulationSettings | Mapping[str, Any] | None
     shaping: Shaping | Mapping[str, Any] | None
+    failed: Sequence[int | str]
 
 
 def prepare(
