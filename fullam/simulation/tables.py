@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
 from fullam.control.estimator import Estimator
-from fullam.control.governor import UP, Governor
+from fullam.control.governor import Governor
 from fullam.control.signals import Ahead, Target
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView, place
@@ -79,7 +79,7 @@ class Tables:
         self.governor = governor.numbers(
             nominal.mass * nominal.gravity,
             s.control_period,
-            UP if plan.trim is None else plan.trim.up,
+            None if plan.trim is None else plan.trim.up,
         )
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
