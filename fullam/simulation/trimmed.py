@@ -37,6 +37,9 @@ ARM_POSES = 25
 USED = 0.5
 """Share of the margin that a blend may take for its acceleration."""
 
+TURNED = 1e-9
+"""An entry of a quaternion this far from its end is there."""
+
 LEAST_ACCELERATION = 0.1
 """What a blend accelerates with where nothing is to spare [m/s^2]."""
 
@@ -129,6 +132,8 @@ def blended(
 ) -> ReferenceTable:
     """The reference with its jumps spread, of position and attitude each in a time of its own.
 
+    The position stands still until the attitude has arrived.
+
     Args:
         table: The reference.
         start: Pose from which the first row is a jump, shape (7,).
@@ -138,7 +143,12 @@ def blended(
     most = min(shaping.max_acceleration or np.inf, acceleration)
     gentle = replace(shaping, max_acceleration=most)
     turning = gentle.blend(_only(table, slice(3, 7)), _posed(start, slice(3, 7)))
-    moving = gentle.blend(_only(table, slice(0, 3)), _posed(start, slice(0, 3)))
+    place = _only(table, slice(0, 3))
+    turned = np.abs(turning.pose[:, 3:] - table.pose[:, 3:]).max(axis=1) <= TURNED
+    until = int(turned.argmax())  # 0 if it never does
+    place.pose[:until, :3] = start[:3]
+    place.velocity[:until] = place.acceleration[:until] = 0.0
+    moving = gentle.blend(place, _posed(start, slice(0, 3)))
     pose = np.hstack([moving.pose[:, :3], turning.pose[:, 3:]])
     rates = [
         np.hstack([a[:, :3], b[:, 3:]])
