@@ -235,6 +235,7 @@ def identity(run: Run) -> dict[str, Any]:
         "vehicle": metadata["vehicle"]["definition"]["name"],
         **{name: metadata[name] for name in ("controller", "settings", "seed", "driver")},
         **{name: metadata[name] for name in ("weather", "simulation", "outcome", "reason")},
+        **({} if run.trim is None else {"trim": run.trim}),
     }
 
 

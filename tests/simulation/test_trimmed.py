@@ -1,9 +1,12 @@
 """Flights with a failed rotor: saved where they were lost, and whole vehicles left alone."""
 
+import json
+
 import numpy as np
 import pytest
 
 import fullam
+from fullam import cli
 from fullam.dynamics import quaternions
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.interactive import InteractiveFlight
@@ -160,3 +163,13 @@ def test_first_it_turns_then_it_moves():
     assert dt * np.argmax(turned < 1e-9) < 0.5 < 3.0 < dt * np.argmax(there < 1e-9)
     assert np.linalg.norm(found.acceleration[:, :3], axis=1).max() == pytest.approx(1.0, rel=1e-3)
     np.testing.assert_allclose(found.pose[turned > 1e-9, :3], 0.0, atol=1e-12)  # rounding
+
+
+def test_the_command_line_says_what_is_held(capsys):
+    code = cli.main(["run", "tilt-hover-1", "--failed", "4", "--driver", "fused", "--json"])
+    out, err = capsys.readouterr()
+    trim = json.loads(out)["trim"]
+    assert code == 0
+    assert trim["failed"] == ["rotor_4"]
+    assert f"fullam: {trim['says']}" in err
+    assert "out of reach" not in err
