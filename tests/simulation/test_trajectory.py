@@ -14,6 +14,7 @@ from fullam.exceptions import ScenarioError
 from fullam.simulation import references
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.references import tabulate
+from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.trajectory import Trajectory
 
 START = pose_from_euler(np.array([0.0, 0.0, 1.0]), np.zeros(3))
@@ -141,6 +142,17 @@ def test_a_turn_about_one_axis_stays_about_it():
         assert (last - angles[-1]) % 360.0 == pytest.approx(0.0, abs=1e-9) or last == pytest.approx(
             (angles[-1] + 180.0) % 360.0 - 180.0, abs=1e-9
         )
+
+
+def test_a_smooth_motion_passes_shaping_as_it_is():
+    """Where its acceleration passes through zero on a row too, at a jerk of 150 m/s^3."""
+    made = Trajectory.minimum_snap([[0, 0, 0], [3, 0, 0]], [0.0, 1.0])
+    asked = tabulate(made, np.arange(150) * 0.01, START)
+    assert np.abs(asked.acceleration[50]).max() < 1e-9
+    shaped = SHAPED.blend(asked, asked.pose[0])
+    for name in ("pose", "velocity", "acceleration"):
+        np.testing.assert_array_equal(getattr(shaped, name), getattr(asked, name))
+    assert Shaping(None, None).anticipates(asked, asked.pose[0])
 
 
 def test_plain_data_and_back():
