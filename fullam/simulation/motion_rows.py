@@ -145,5 +145,7 @@ class ArmRows(_Rows):
 
     def tabulate(self, t: Array, initial: Array) -> ArmTable:
         """The motion on the grid t [s]; it begins where its first row says."""
+        if not initial.size:
+            return ArmTable(*np.zeros((3, t.size, 0)))
         rows = self._at(unpack(self.packed, 3 * initial.size, self._check), t)
         return ArmTable(*np.split(rows, 3, axis=1))

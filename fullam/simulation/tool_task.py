@@ -40,7 +40,8 @@ class ToolTask:
     """The tool follows a path from where it stands at the start.
 
     Attributes:
-        path: Where it goes; a `Trajectory` counts as a `SplinePath`.
+        path: Where it goes; a `Trajectory` counts as a `SplinePath`, and is how a path of one's own
+            is given.
         attitude: "fixed": the platform keeps its attitude. "preferred": it turns where that is
             cheaper than moving otherwise, and back. "free": it turns and nobody minds.
         euler_deg: The attitude that is kept or preferred, x-y-z Euler angles; None for the one at
@@ -65,8 +66,9 @@ class ToolTask:
     def __post_init__(self) -> None:
         """Check every value."""
         path = SplinePath(self.path) if isinstance(self.path, Trajectory) else self.path
-        if isinstance(path, type) or not callable(getattr(path, "offsets", None)):
-            raise CHECK.refuse("path", f"is {shown(path)}", "give a path, as CirclePath() is one")
+        if not isinstance(path, SplinePath) and not references.is_kind(path, PATHS):
+            remedy = "give a LinePath, CirclePath, SquarePath, or a Trajectory"
+            raise CHECK.refuse("path", f"is {shown(path)}", remedy)
         object.__setattr__(self, "path", path)
         for name, choices in (("attitude", ATTITUDES), ("priority", PRIORITIES)):
             if CHECK.text(name, getattr(self, name)) not in choices:
@@ -92,16 +94,9 @@ class ToolTask:
         return np.asarray((t >= self.at) & (t <= self.at + self.path.duration))
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON values; `from_dict` is the inverse.
-
-        Raises:
-            ScenarioError: The path is an object of one's own.
-        """
+        """JSON values; `from_dict` is the inverse."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
         path = self.path.trajectory if isinstance(self.path, SplinePath) else self.path
-        if not references.is_kind(path, PATHS):
-            problem = f"{shown(path)} is no kind that a file can name"
-            raise CHECK.refuse("path", problem, f"give one of {', '.join(PATHS)}")
         return data | {"path": references.to_dict(path), "weights": self.weights.to_dict()}
 
     @classmethod

@@ -270,7 +270,7 @@ def test_a_task_in_a_file(tmp_path, path):
     [
         ({"attitude": "level"}, "attitude: is 'level'; choose from free, preferred, fixed"),
         ({"priority": "high"}, "priority: is 'high'; choose from weighted, strict"),
-        ({"path": 3}, "path: is 3; give a path"),
+        ({"path": 3}, "path: is 3; give a LinePath"),
         ({"weights": {}}, "weights: is {}; give a ToolWeights"),
         ({"at": -1.0}, "at: is -1.0"),
         ({"max_speed": 0.0}, "max_speed: is 0.0"),
