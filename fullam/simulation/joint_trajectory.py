@@ -74,6 +74,8 @@ class JointTrajectory:
         rows = listed("positions_deg", self.positions_deg, CHECK)
         is_nested = isinstance(rows, list | tuple) and rows and isinstance(rows[0], list | tuple)
         width = len(rows[0]) if is_nested else 1
+        if not width:
+            raise CHECK.refuse("positions_deg", "has no joint", "give a column for each that moves")
         shape = len(self.times), width
         self._set("positions_deg", tuples(rows_of("positions_deg", rows, shape, FAR, CHECK)))
         rates: Any = ()

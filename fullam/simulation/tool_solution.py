@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 from fullam.dynamics.rotations import euler_rotation, exponential
 from fullam.exceptions import ScenarioError
 from fullam.model.vehicle import Vehicle
+from fullam.simulation import arm_motion
+from fullam.simulation.arm_motion import HoldArm
 from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.reference_table import tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.tool_kinematics import ToolKinematics
 from fullam.simulation.tool_paths import minimum_jerk
-from fullam.simulation.tool_step import RateSolver, Wish
+from fullam.simulation.tool_step import RateSolver, RateTask
 from fullam.simulation.tool_task import CHECK, ToolTask
 from fullam.simulation.trajectory import Trajectory
 
@@ -44,7 +46,7 @@ OF_MAX_RATE = 0.9
 """Share of a joint's largest rate that is used at knots; between them it may be a little more."""
 
 EXACT, TOOL = 0, 1
-"""Levels: an attitude that is fixed is no wish; the tool, and what is weighed against it."""
+"""Levels: an attitude that is fixed; the tool, and what is weighed against it."""
 
 BLEND = 2.0
 """Time in which an attitude that differs from that at the start is blended in [s]."""
@@ -64,7 +66,7 @@ class ToolSolution:
     """
 
     reference: Trajectory
-    arm: JointTrajectory
+    arm: JointTrajectory | HoldArm
     missed: float
 
 
@@ -89,11 +91,14 @@ def solve_tool(
     path = kinematics.place(start) + task.offsets(times)
     knots = _Knots(task, vehicle, kinematics, start).along(times, path)
     reference = Trajectory.from_arrays(times, knots[:, :3], knots[:, 3:7], degree=5)
-    typed = vehicle.joints.to_typed(knots[:, 7:])
-    arm = JointTrajectory.from_arrays(times, typed, degree=5, units=vehicle.joints.units)
+    joints = vehicle.joints
+    arm: JointTrajectory | HoldArm = HoldArm()
+    if vehicle.n_arm:
+        typed = joints.to_typed(knots[:, 7:])
+        arm = JointTrajectory.from_arrays(times, typed, degree=5, units=joints.units)
     fine = np.arange(2 * times.size - 1, dtype=np.float64) * (0.5 * KNOT)
     poses = tabulate(reference, fine, start_pose).pose
-    theta = arm.tabulate(fine, start_arm, vehicle.joints).theta
+    theta = arm_motion.tabulate(arm, fine, start_arm, joints).theta
     away = kinematics.places(poses, theta) - kinematics.place(start) - task.offsets(fine)
     missed = np.linalg.norm(away, axis=1)
     if missed.max() > MOST_MISSED:
@@ -112,10 +117,16 @@ def with_tool_solved(scenario: Scenario, vehicle: Vehicle) -> Scenario:
     """The scenario with the motions that follow from its tool's task, if any do.
 
     Raises:
-        ScenarioError: The tool cannot follow its path within the limits; the message says when.
+        ScenarioError: The tool cannot follow its path within the limits, the message says when; or
+            the platform is not controlled in all axes.
     """
     if scenario.tool is None or not isinstance(scenario.reference, FollowsTool):
         return scenario
+    if not all(scenario.axes_mask):
+        problem = f"are {', '.join(scenario.axes)}"
+        raise CHECK.refuse(
+            "axes", problem, "a platform that follows a tool is controlled in all six"
+        )
     arm = scenario.initial_arm(vehicle)
     found = solve_tool(scenario.tool, vehicle, scenario.initial_pose, arm, scenario.duration)
     return replace(scenario, reference=found.reference, arm_motion=found.arm)
@@ -151,8 +162,8 @@ class _Knots:
         for _ in range(CORRECTIONS):
             J = self._kinematics.jacobian(q)
             here = self._kinematics.place(q)
-            wishes = self._wishes(before, t, J, J @ rates + (place - here) / KNOT)
-            found = self._solver.solve(wishes, low, high)
+            tasks = self._rate_tasks(before, t, J, J @ rates + (place - here) / KNOT)
+            found = self._solver.solve(tasks, low, high)
             if found is None:
                 raise ScenarioError(
                     "tool task",
@@ -164,24 +175,24 @@ class _Knots:
             q = np.array(pin.integrate(self._model, before, rates * KNOT))
         return q
 
-    def _wishes(self, before: Array, t: float, J: Array, velocity: Array) -> list[Wish]:
-        task, w, n = self._task, self._task.weights, self._n
+    def _rate_tasks(self, before: Array, t: float, J: Array, velocity: Array) -> list[RateTask]:
+        asked, w, n = self._task, self._task.weights, self._n
         eye, joints = np.eye(n), n - 6
-        strict, fixed = task.priority == "strict", task.attitude == "fixed"
+        strict, fixed = asked.priority == "strict", asked.attitude == "fixed"
         costs = np.array([w.platform] * 3 + [w.turn] * 3 + [w.joints] * joints)
         rest = TOOL + 2 * strict
-        wishes = [Wish(J, velocity, w.tool, TOOL), Wish(eye, np.zeros(n), costs, rest)]
-        if task.attitude != "free":
+        tasks = [RateTask(J, velocity, w.tool, TOOL), RateTask(eye, np.zeros(n), costs, rest)]
+        if asked.attitude != "free":
             attitude = np.array(pin.Quaternion(before[3:7]).toRotationMatrix())
             turn = np.array(pin.log3(attitude.T @ self._wanted(t)))
             if fixed:
-                wishes.append(Wish(eye[3:6], turn / KNOT, 1.0, EXACT))
+                tasks.append(RateTask(eye[3:6], turn / KNOT, 1.0, EXACT))
             else:
-                wishes.append(Wish(eye[3:6], RETURN * turn, w.attitude, TOOL + strict))
+                tasks.append(RateTask(eye[3:6], RETURN * turn, w.attitude, TOOL + strict))
         if joints and w.posture > 0.0:
             back = RETURN * (self._start[7:] - before[7:])
-            wishes.append(Wish(eye[6:], back, w.posture, rest))
-        return wishes
+            tasks.append(RateTask(eye[6:], back, w.posture, rest))
+        return tasks
 
     def _wanted(self, t: float) -> Array:
         """The attitude that is kept or preferred at a time."""

@@ -1,7 +1,7 @@
 """One instant of differential inverse kinematics of a platform with an arm.
 
 Which rates u = [platform's linear and angular velocity in its own axes, joint rates] take the tool
-where it should be? Each wish i asks A_i u = b_i with a weight w_i; within bounds on u
+where it should be? Each task i asks A_i u = b_i with a weight w_i; within bounds on u
 
     minimise  sum_i w_i |A_i u - b_i|^2,    low <= u <= high.
 
@@ -34,14 +34,14 @@ LITTLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
-    """A u should be b.
+class RateTask:
+    """A u is to be b.
 
     Attributes:
         A: Shape (m, n).
         b: Shape (m,).
         weight: Of each row, or of all.
-        level: 0 comes first; wishes of one level are weighed against each other.
+        level: 0 comes first; tasks of one level are weighed against each other.
     """
 
     A: Array
@@ -62,38 +62,38 @@ class RateSolver:
         self._n = n
         self._programmes: dict[int, Any] = {}
 
-    def solve(self, wishes: Sequence[Wish], low: Array, high: Array) -> Array | None:
+    def solve(self, tasks: Sequence[RateTask], low: Array, high: Array) -> Array | None:
         """The best rates, shape (n,); None if ProxSuite does not solve it.
 
         Args:
-            wishes: What is wished for; the last level has a wish for every rate.
+            tasks: What is asked; the last level has a task for every rate.
             low: Least rates, shape (n,), none above 0.
             high: Largest rates, shape (n,), none below 0.
         """
-        levels = sorted({wish.level for wish in wishes})
+        levels = sorted({task.level for task in tasks})
         fixed: list[tuple[Array, Array]] = []
         u: Array | None = None
         for level in levels:
-            own = [wish for wish in wishes if wish.level == level]
+            own = [task for task in tasks if task.level == level]
             u = self._level(own, fixed, (low, high), 0.0 if level == levels[-1] else LITTLE)
             if u is None:
                 return None
-            fixed += [(wish.A, wish.A @ u) for wish in own]
+            fixed += [(task.A, task.A @ u) for task in own]
         return u
 
     def _level(
         self,
-        wishes: list[Wish],
+        tasks: list[RateTask],
         fixed: list[tuple[Array, Array]],
         bounds: tuple[Array, Array],
         little: float,
     ) -> Array | None:
         n, (low, high) = self._n, bounds
         H, g = np.zeros((n, n)), np.zeros(n)
-        for wish in wishes:
-            weighted = wish.A.T * wish.weight
-            H += weighted @ wish.A
-            g -= weighted @ wish.b
+        for task in tasks:
+            weighted = task.A.T * task.weight
+            H += weighted @ task.A
+            g -= weighted @ task.b
         H += little * np.trace(H) / n * np.eye(n)
         A = np.vstack([A for A, _ in fixed]) if fixed else np.zeros((0, n))
         b = np.concatenate([b for _, b in fixed]) if fixed else np.zeros(0)
@@ -145,8 +145,9 @@ def _polished(u: Array, programme: tuple[Array, ...], bounds: tuple[Array, Array
         held[is_free] = np.linalg.solve(kkt, right)[:n]
     except np.linalg.LinAlgError:  # bounds that are met leave an equation no rate
         return u
-    same = np.abs(held - u).max() < ALIKE and (held >= low).all() and (held <= high).all()
-    return held if same else u
+    within = np.clip(held, low, high)
+    same = np.abs(held - u).max() < ALIKE and np.abs(held - within).max() < MET
+    return within if same else u
 
 
 @dataclass(eq=False)

@@ -46,7 +46,7 @@ class ToolTask:
             cheaper than moving otherwise, and back. "free": it turns and nobody minds.
         euler_deg: The attitude that is kept or preferred, x-y-z Euler angles; None for the one at
             the start. From that one it is blended in while the path begins.
-        priority: "weighted": all wishes are weighed. "strict": the tool comes first, behind an
+        priority: "weighted": everything is weighed. "strict": the tool comes first, behind an
             attitude that is fixed alone; one that is preferred second; the rest is weighed.
         weights: What is weighed.
         at: When the path begins [s].

@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 
 import fullam
 from fullam.simulation.tool_kinematics import ToolKinematics
-from fullam.simulation.tool_step import RateSolver, Wish
+from fullam.simulation.tool_step import RateSolver, RateTask
 
 VEHICLE = fullam.load_vehicle("fullam")
 N = 6 + VEHICLE.n_arm
@@ -31,12 +31,12 @@ def state(request):
     return q, ToolKinematics(VEHICLE).jacobian(q), 0.3 * rng.normal(size=3), rng
 
 
-def wishes(J, velocity, turn, level=0, rest=0):
+def tasks(J, velocity, turn, level=0, rest=0):
     costs = np.array([1.0] * 3 + [0.3] * 3 + [0.05] * (N - 6))
     return [
-        Wish(J, velocity, 1e4),
-        Wish(np.eye(N)[3:6], turn, 2.0, level),
-        Wish(np.eye(N), np.zeros(N), costs, rest),
+        RateTask(J, velocity, 1e4),
+        RateTask(np.eye(N)[3:6], turn, 2.0, level),
+        RateTask(np.eye(N), np.zeros(N), costs, rest),
     ]
 
 
@@ -53,7 +53,7 @@ def test_the_jacobian_is_that_of_the_place():
 
 @pytest.mark.parametrize("limit", [1e3, 0.2])
 def test_pink_finds_the_same_rates(state, limit):
-    """The same wishes in pink's words: costs are the square roots of weights.
+    """The same tasks in pink's words: costs are the square roots of weights.
 
     Pink's errors are logarithms on SE(3), in which way and turn mix by the length of the step
     beside that of the arm: 3 um beside 0.2 m, 1.5e-5 of rates of order 1.
@@ -62,7 +62,7 @@ def test_pink_finds_the_same_rates(state, limit):
     dt, turn, model = 1e-5, 0.2 * rng.normal(size=3), VEHICLE.model.copy()
     bounds = WIDE.copy()
     bounds[6:] = limit
-    ours = RateSolver(N).solve(wishes(J, velocity, turn), -bounds, bounds)
+    ours = RateSolver(N).solve(tasks(J, velocity, turn), -bounds, bounds)
 
     model.velocityLimit = bounds
     configuration = pink.Configuration(model, model.createData(), q)
@@ -92,11 +92,11 @@ def test_pink_finds_the_same_rates(state, limit):
 @pytest.mark.parametrize("limit", [1e3, 0.1])
 def test_bounded_least_squares_finds_the_same_rates(state, limit):
     _, J, velocity, rng = state
-    own, bounds = wishes(J, velocity, 0.2 * rng.normal(size=3)), np.full(N, limit)
+    own, bounds = tasks(J, velocity, 0.2 * rng.normal(size=3)), np.full(N, limit)
     ours = RateSolver(N).solve(own, -bounds, bounds)
-    roots = [np.sqrt(np.broadcast_to(wish.weight, len(wish.b))) for wish in own]
-    A = np.vstack([root[:, None] * wish.A for root, wish in zip(roots, own, strict=True)])
-    b = np.concatenate([root * wish.b for root, wish in zip(roots, own, strict=True)])
+    roots = [np.sqrt(np.broadcast_to(task.weight, len(task.b))) for task in own]
+    A = np.vstack([root[:, None] * task.A for root, task in zip(roots, own, strict=True)])
+    b = np.concatenate([root * task.b for root, task in zip(roots, own, strict=True)])
     found = lsq_linear(A, b, (-bounds, bounds), method="bvls", tol=1e-14)
     np.testing.assert_allclose(ours, found.x, atol=CLOSE)
     assert (np.abs(ours).max() > limit - CLOSE) == (limit < 1.0)
@@ -105,15 +105,15 @@ def test_bounded_least_squares_finds_the_same_rates(state, limit):
 def test_strict_levels_are_those_of_projection(state):
     """Unbounded: each level in the null space of those before it."""
     _, J, velocity, rng = state
-    own = wishes(J, velocity, 0.2 * rng.normal(size=3), level=1, rest=2)
+    own = tasks(J, velocity, 0.2 * rng.normal(size=3), level=1, rest=2)
     ours = RateSolver(N).solve(own, -WIDE, WIDE)
     u, free = np.zeros(N), np.eye(N)
-    for wish in own:
-        root = np.sqrt(np.broadcast_to(wish.weight, len(wish.b)))[:, None]
-        missing = root[:, 0] * (wish.b - wish.A @ u)
-        u = u + free @ np.linalg.lstsq(root * wish.A @ free, missing, rcond=1e-9)[0]
-        if len(wish.b) < N:
-            free = free @ null_space(wish.A @ free)
+    for task in own:
+        root = np.sqrt(np.broadcast_to(task.weight, len(task.b)))[:, None]
+        missing = root[:, 0] * (task.b - task.A @ u)
+        u = u + free @ np.linalg.lstsq(root * task.A @ free, missing, rcond=1e-9)[0]
+        if len(task.b) < N:
+            free = free @ null_space(task.A @ free)
     np.testing.assert_allclose(ours, u, atol=1e-4)  # LITTLE leaves 1e-6 of the tool's weight
     np.testing.assert_allclose(J @ ours, velocity, atol=CLOSE)
 
@@ -124,9 +124,9 @@ def test_the_first_level_does_not_give_way_to_the_second():
     J[0, [0, 6]] = 1.0
     bounds = np.full(N, 0.1)
     own = [
-        Wish(J, np.array([0.2]), 1.0, 0),
-        Wish(np.eye(N)[6:7], np.array([-0.1]), 1e6, 1),
-        Wish(np.eye(N), np.zeros(N), 1.0, 2),
+        RateTask(J, np.array([0.2]), 1.0, 0),
+        RateTask(np.eye(N)[6:7], np.array([-0.1]), 1e6, 1),
+        RateTask(np.eye(N), np.zeros(N), 1.0, 2),
     ]
     u = RateSolver(N).solve(own, -bounds, bounds)
     np.testing.assert_allclose(u[[0, 6]], [0.1, 0.1], atol=CLOSE)

@@ -11,6 +11,8 @@ from fullam.analysis.judged import fly_judged
 from fullam.analysis.tool_error import AskedTool
 from fullam.dynamics.pose_space import euler_from_pose, pose_from_euler
 from fullam.exceptions import ScenarioError
+from fullam.model.vehicle import Vehicle
+from fullam.simulation import arm_motion
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.many import fly_many
 from fullam.simulation.run import COLUMNS, Run
@@ -48,7 +50,7 @@ def flown(vehicle, task, solution, pose, arm, duration):
     """Errors of the tool on the 1 ms grid, and the tables of platform and arm."""
     t = np.arange(round(1e3 * duration) + 1) * 1e-3
     table = solution.reference.tabulate(t, pose)
-    joints = solution.arm.tabulate(t, arm, vehicle.joints)
+    joints = arm_motion.tabulate(solution.arm, t, arm, vehicle.joints)
     kinematics = ToolKinematics(vehicle)
     begin = kinematics.place(np.concatenate([pose, arm]))
     away = kinematics.places(table.pose, joints.theta) - begin - task.offsets(t)
@@ -147,6 +149,41 @@ def test_joints_stay_within_their_limits_when_the_path_would_take_them_out(vehic
         assert error.max() < 1e-4
         assert vehicle.joints.position_problem(joints.theta) is None
         assert vehicle.joints.rate_problem(joints.dtheta) is None
+
+
+def made_of(name):
+    """A vehicle: hextilt, or the default one with another kind of joint 4 or no arm."""
+    vehicle = fullam.load_vehicle("fullam")
+    if name in ("prismatic", "continuous"):
+        begin = vehicle.urdf.index('<joint name="joint_4"')
+        end = vehicle.urdf.index("</joint>", begin)
+        joint = vehicle.urdf[begin:end].replace('type="revolute"', f'type="{name}"')
+        urdf = vehicle.urdf[:begin] + joint + vehicle.urdf[end:]
+        return Vehicle.from_definition(vehicle.definition, urdf)
+    if name == "no arm":
+        definition = {k: v for k, v in vehicle.definition.items() if k not in ("arm", "design")}
+        held = {"name": name, "held": dict.fromkeys(vehicle.arm_joints, 0.2)}
+        return Vehicle.from_definition(definition | held, vehicle.urdf)
+    return fullam.load_vehicle(name)
+
+
+@pytest.mark.parametrize("priority", ["weighted", "strict"])
+@pytest.mark.parametrize("name", ["hextilt", "prismatic", "continuous", "no arm"])
+def test_other_vehicles_follow_too(name, priority):
+    vehicle = made_of(name)
+    task = ToolTask(CirclePath(0.1, (1, 0, 0), 3.0), priority=priority)
+    pose = pose_from_euler(np.array([0.0, 0.0, 2.0]), np.zeros(3))
+    middle = np.where(np.isfinite(vehicle.joints.lower), 0.3 * vehicle.joints.upper, 7.0)
+    solution = solve_tool(task, vehicle, pose, middle, 4.0)
+    error, _, joints = flown(vehicle, task, solution, pose, middle, 4.0)
+    assert error.max() < 2e-5
+    assert vehicle.joints.position_problem(joints.theta) is None
+    assert vehicle.n_arm == 0 or np.ptp(joints.theta, axis=0).max() > 0.01
+
+
+def test_a_platform_that_is_not_controlled_in_all_axes_is_refused(brief):
+    with pytest.raises(ScenarioError, match=r"axes: are z, phi, psi, gamma; .* in all six"):
+        prepare(replace(brief, vehicle="quadrotor_arm", axes=("z", "phi", "psi", "gamma")))
 
 
 @pytest.fixture(scope="module")
