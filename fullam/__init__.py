@@ -30,6 +30,9 @@ from fullam.simulation.scenario import (
     register_scenario,
     scenario_names,
 )
+from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool_weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
@@ -94,10 +97,12 @@ __all__ = [
     "Allocator",
     "ArmTable",
     "Circle",
+    "CirclePath",
     "Controller",
     "FullamError",
     "HoldArm",
     "JointTrajectory",
+    "LinePath",
     "Metrics",
     "ReferenceTable",
     "Rotors",
@@ -106,7 +111,10 @@ __all__ = [
     "Shaping",
     "SimulationSettings",
     "SineRate",
+    "SquarePath",
     "Step",
+    "ToolTask",
+    "ToolWeights",
     "Trajectory",
     "Vehicle",
     "VehicleDesign",

@@ -201,7 +201,10 @@ class Scenario:
             data[name] = references.to_dict(data[name])
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
-        data["tool"] = None if self.tool is None else self.tool.to_dict()
+        if self.tool is None:
+            del data["tool"]
+        else:
+            data["tool"] = self.tool.to_dict()
         return data
 
     @classmethod
