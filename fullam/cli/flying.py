@@ -52,13 +52,6 @@ FLIGHT_ROWS = (
 )
 """Rows of a table of flights: text, field of `Metrics`, unit, digits."""
 
-
-def flight_rows(flights: Sequence[Metrics]) -> list[tuple[str, str, str, int]]:
-    """`FLIGHT_ROWS`, the tool's only where one has a task."""
-    has_tool = any(metrics.tool_rms_mm is not None for metrics in flights)
-    return [row for row in FLIGHT_ROWS if has_tool or row[1] != "tool_rms_mm"]
-
-
 SETTINGS = argument(
     "--set",
     type=options.setting,
@@ -253,6 +246,12 @@ def axes_table(metrics: Metrics) -> str:
         for text, field, digits in AXIS_ROWS
     ]
     return table(rows, header)
+
+
+def flight_rows(flights: Sequence[Metrics]) -> list[tuple[str, str, str, int]]:
+    """`FLIGHT_ROWS`, the tool's only where one has a task."""
+    has_tool = any(metrics.tool_rms_mm is not None for metrics in flights)
+    return [row for row in FLIGHT_ROWS if has_tool or row[1] != "tool_rms_mm"]
 
 
 def summary(metrics: Metrics) -> str:

@@ -24,7 +24,7 @@ from fullam.simulation.reference_table import WIDTHS, ReferenceTable
 Array = NDArray[np.float64]
 
 MOST_PACKED = 24 << 20
-"""Most characters of packed rows: about eight minutes of an arm of four joints."""
+"""Most characters of packed rows: three minutes or so of an arm of four joints, all in motion."""
 
 MOST_UNPACKED = 512 << 20
 """Most bytes of rows that a record may unpack to."""
