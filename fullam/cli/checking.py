@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fullam.cli import options
 from fullam.cli.output import say, say_json, table
 from fullam.cli.verbs import FAILED, OK, argument, verb
-from fullam.exceptions import VehicleError
+from fullam.exceptions import SettingsError, VehicleError
 
 if TYPE_CHECKING:
     from fullam.analysis.agreement import AgreementTable
@@ -37,6 +37,7 @@ the states sampled on purpose near its worst), a wrong sign or a wrong frame abo
         "--seed", type=options.seed, default=0, metavar="N", help="seed of the states (default: 0)"
     ),
     argument("--controller", metavar="NAME", help="tell the margins of this law's loops as well"),
+    *options.LAW[1:],
     argument("--estimator", metavar="NAME", help="with this estimator (default: the law's own)"),
     argument("--delay", type=options.delay, default=0.0, metavar="S", help="age of a pose [s] (0)"),
     argument("--control-rate", type=options.rate, metavar="HZ", help="of the law (100)"),
@@ -49,15 +50,16 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     First what its rotors can do: axes, lift, hover speeds, hover tilt; how far its joints go; and
     what loading let pass: joints that are held, odd inertias, missing meshes. Then the agreement of
     the paper's recursion, its matrix system and Pinocchio on random states, where the paper's
-    equations hold for the arm. With --controller also the phase, gain and delay margins of that
-    law's loops on this vehicle, in hover. Exit code 1 says that the vehicle cannot hover level,
-    that the three disagree or that a loop has no margin.
+    equations hold for the arm. With --controller, or --settings that name it, also the phase, gain
+    and delay margins of that law's loops on this vehicle, in hover. Exit code 1 says that the
+    vehicle cannot hover level, that the three disagree or that a loop has no margin.
     """
     from fullam.analysis.agreement import agreement
     from fullam.analysis.capability import assess
     from fullam.model.loading import load_vehicle
     from fullam.model.meshes import missing_remark
 
+    law = law_of(arguments)
     vehicle = load_vehicle(arguments.vehicle)
     capability = assess(vehicle)
     missing = missing_remark(vehicle)
@@ -70,7 +72,9 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     except VehicleError as error:
         verdict = {"not_applicable": f"{error.field} {error.problem}; {error.remedy}"}
     agree = witnesses is None or witnesses.largest <= AGREEMENT
-    margins = margins_of(arguments, vehicle) if capability.can_hover else None
+    margins = None
+    if law is not None and capability.can_hover:
+        margins = margins_of(arguments, vehicle, *law)
     passed = capability.can_hover and agree and (margins is None or margins.enough)
     if arguments.json:
         say_json(
@@ -102,15 +106,28 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     return OK if passed else FAILED
 
 
-def margins_of(arguments: argparse.Namespace, vehicle: Vehicle) -> LoopMargins | None:
-    """Margins of the law that was named, hovering; None if none was."""
+def law_of(arguments: argparse.Namespace) -> tuple[str, Any] | None:
+    """Controller and settings that were named; None if none were.
+
+    Raises:
+        SettingsError: Settings that it does not take, or settings of nobody.
+    """
+    if arguments.controller is not None or arguments.settings is not None:
+        return options.law(arguments)
+    if arguments.set:
+        raise SettingsError("fullam check", "--set", "is given without a law", "add --controller")
+    return None
+
+
+def margins_of(
+    arguments: argparse.Namespace, vehicle: Vehicle, controller: str, settings: Any
+) -> LoopMargins:
+    """Margins of a law, hovering."""
     from fullam.analysis.margins import loop_margins
     from fullam.model.wrench_axes import controllable_axes
     from fullam.simulation.scenario import AXES, Scenario
     from fullam.simulation.simulate import prepare
 
-    if arguments.controller is None:
-        return None
     possible = zip(AXES, controllable_axes(vehicle.rotors), strict=True)
     scenario = Scenario(name="hover", axes=tuple(axis for axis, good in possible if good))
     simulation: dict[str, Any] = {"estimator": arguments.estimator, "delay": arguments.delay}
@@ -118,8 +135,9 @@ def margins_of(arguments: argparse.Namespace, vehicle: Vehicle) -> LoopMargins |
         simulation["control_period"] = 1.0 / arguments.control_rate
     plan = prepare(
         scenario,
-        arguments.controller,
+        controller,
         vehicle=vehicle,
+        settings=settings,
         weather=arguments.weather,
         simulation=simulation,
     )
