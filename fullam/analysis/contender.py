@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ class Contender:
     """
 
     controller: str
-    settings: dict[str, Any] | SettingsFile | str = field(default_factory=dict)
+    settings: Mapping[str, Any] | str = field(default_factory=dict)
     estimator: str | None = None
     label: str = ""
     file: SettingsFile | None = field(default=None, init=False, compare=False, repr=False)
@@ -49,7 +49,7 @@ class Contender:
             suffix = f", {Path(settings.path).stem}"
             object.__setattr__(self, "file", settings)
             object.__setattr__(self, "estimator", self.estimator or settings.estimator)
-        elif not isinstance(settings, dict):
+        elif not isinstance(settings, Mapping):
             raise CampaignError(
                 f"contender '{self.controller}'",
                 "settings",
@@ -65,6 +65,12 @@ class Contender:
             if self.file is not None:
                 name = contender_name(self.controller, self.estimator)
             object.__setattr__(self, "label", f"{name}{suffix}")
+
+    @property
+    def complete(self) -> Mapping[str, Any]:
+        """All of its settings."""
+        assert not isinstance(self.settings, str), "resolved when this was made"
+        return self.settings
 
     @classmethod
     def parse(cls, text: str, tuned: bool = False) -> Contender:

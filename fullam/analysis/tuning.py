@@ -81,15 +81,15 @@ def tune(
     space = search_space(controller_class(name).Settings)
     if budget < POPULATION + 1:
         raise SettingsError("tuning", "budget", f"is {budget}", f"give {POPULATION + 1} or more")
-    start_from = {} if settings is None else settings
-    contender = Contender(name, start_from, estimator or flights.simulation.estimator, "start")
-    campaign = flights.campaign(contender)
-    start = make_settings(name, campaign.contenders[0].settings)
-    tuned = {p.field: getattr(start, p.field) for p in space}
     origin = settings.path if isinstance(settings, SettingsFile) else None
     if out is not None and origin is not None and Path(out).resolve() == Path(origin).resolve():
         problem = "is where the search starts from"
         raise CampaignError(str(out), "file", problem, "write the result to another file")
+    start_from = {} if settings is None else settings
+    contender = Contender(name, start_from, estimator or flights.simulation.estimator, "start")
+    campaign = flights.campaign(contender)
+    start = make_settings(name, campaign.contenders[0].complete)
+    tuned = {p.field: getattr(start, p.field) for p in space}
     with ExitStack() as stack:
         journal = None
         if out is not None:

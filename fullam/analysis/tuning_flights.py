@@ -45,7 +45,8 @@ class TuningFlights:
         vehicle: Name or path of another vehicle than the scenarios'.
         weather: A weather or its name; None takes each scenario's own.
         shaping: What differs from how the scenarios shape their references.
-        simulation: Rates, sensors, estimator, governor.
+        simulation: Rates, sensors, estimator, governor: an instance, or a mapping of what differs
+            from the defaults.
         seeds: Seeds that the search sees. In calm air they are all alike: the first one flies.
         validation_seeds: Other ones.
         driver: Who flies, one of `DRIVERS` or `FASTEST`.
@@ -78,6 +79,8 @@ class TuningFlights:
             raise check.refuse("seeds", problem, "give others: the result would judge itself")
         if isinstance(self.weather, str):
             named_weather(self.weather)
+        if not isinstance(self.simulation, SimulationSettings):
+            object.__setattr__(self, "simulation", SimulationSettings.from_dict(self.simulation))
         flown = [s.name for s in self.flown]
         if len(set(flown)) < len(flown):
             raise check.refuse("scenarios", f"are {', '.join(flown)}", "give each of them once")
@@ -159,7 +162,7 @@ def candidate_cost(
     """
     campaign.register_here()
     given = campaign.contenders[0]
-    tried = Contender(given.controller, {**given.settings, **settings}, given.estimator, "tried")
+    tried = Contender(given.controller, {**given.complete, **settings}, given.estimator, "tried")
     flown = replace(campaign, contenders=(tried,))
     keys = [(name, tried.label, seed) for name, seed in flights]
     costs = [flight_costs(cells.flights.figures) for cells in flown.fly(keys)]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -113,9 +113,9 @@ class SettingsFile(Mapping[str, Any]):
 
 def _fitting(check: Checker, setting: Field[Any], value: Any) -> Any:
     """A value as its default is: a float, a tuple, a text; refused if it cannot become that."""
-    default: Any = setting.default
-    if default is MISSING and setting.default_factory is not MISSING:
-        default = setting.default_factory()
+    default, factory = setting.default, setting.default_factory
+    if callable(factory):
+        default = factory()
     if isinstance(default, bool):
         return check.flag(setting.name, value)
     if isinstance(default, str):

@@ -27,19 +27,20 @@ WORDS = (
     *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
 )
 OPTIONS = {
-    "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
+    "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate --out "
             "--estimator --governor --shape --figure --driver --calm --json"),
-    "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --shape "
+    "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor --shape "
                 "--figure --driver --calm --json"),
-    "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
+    "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather"),
     "list": "--json",
     "equations": "--json",
     "plot": "--what --out",
-    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --calm",
-    "sweep": ("--controllers --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
+    "view": "--controller --settings --seed --offset --speed --port --wait --at --vehicle --calm",
+    "sweep": ("--controllers --settings --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
               "--tls-ca --driver --json"),
-    "tune": "--budget --seed --jobs --driver",
+    "tune": ("--budget --seed --seeds --scenario --vehicle --weather --settings --control-rate "
+             "--shape --jobs --driver --calm --json"),
     "datasheet": "--out --flights --seed --json",
     "design": ("--rotors --objective --free --period --reserve --min-efficiency --min-tilt --arm "
                "--seed --out --pareto --json"),
