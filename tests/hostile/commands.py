@@ -27,18 +27,18 @@ WORDS = (
     *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
 )
 OPTIONS = {
-    "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate --out "
-            "--estimator --governor --shape --figure --driver --calm --json"),
-    "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor --shape "
-                "--figure --driver --calm --json"),
+    "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate "
+            "--out --estimator --governor --shape --figure --driver --calm --json"),
+    "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor "
+                "--shape --figure --driver --calm --json"),
     "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather"),
     "list": "--json",
     "equations": "--json",
     "plot": "--what --out",
     "view": "--controller --settings --seed --offset --speed --port --wait --at --vehicle --calm",
-    "sweep": ("--controllers --settings --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
-              "--tls-ca --driver --json"),
+    "sweep": ("--controllers --settings --runs --tuned --estimator --weather --no-gusts "
+              "--overwrite --jobs --tls-ca --driver --json"),
     "tune": ("--budget --seed --seeds --scenario --vehicle --weather --settings --control-rate "
              "--shape --jobs --driver --calm --json"),
     "datasheet": "--out --flights --seed --json",
