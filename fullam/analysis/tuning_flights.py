@@ -28,8 +28,12 @@ PAPER_SCENARIOS = ("position-1", "position-3", "tilt-hover-2", "task-2")
 PAPER_LENGTH = 6.0
 """What trains where nothing else is asked for, cut to this [s]: its second half is still steady."""
 
-SEEDS = tuple(range(1_000_000, 1_000_003))
-"""Seeds of the flights that a search sees; no evaluation uses them."""
+FIRST_SEED = 1_000_000
+"""First seed of the flights that a search sees; no evaluation uses them."""
+
+PAPER_SEEDS, SEEDS = 3, 8
+"""How many: of each of the paper's four scenarios, and of others. Eight flights of one scenario fly
+at a time, so that fewer are hardly faster."""
 
 VALIDATION_SEEDS = tuple(range(2_000_000, 2_000_006))
 """Seeds of the flights that judge its result."""
@@ -47,7 +51,8 @@ class TuningFlights:
         shaping: What differs from how the scenarios shape their references.
         simulation: Rates, sensors, estimator, governor: an instance, or a mapping of what differs
             from the defaults.
-        seeds: Seeds that the search sees. In calm air they are all alike: the first one flies.
+        seeds: Seeds that the search sees, by default `SEEDS` from `FIRST_SEED` on. In calm air they
+            are all alike: the first one flies.
         validation_seeds: Other ones.
         driver: Who flies, one of `DRIVERS` or `FASTEST`.
     """
@@ -57,7 +62,7 @@ class TuningFlights:
     weather: Weather | str | None = None
     shaping: Mapping[str, Any] = field(default_factory=dict, hash=False)
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
-    seeds: tuple[int, ...] = SEEDS
+    seeds: tuple[int, ...] = ()
     validation_seeds: tuple[int, ...] = VALIDATION_SEEDS
     driver: str = FASTEST
 
@@ -68,6 +73,8 @@ class TuningFlights:
             FullamError: No such scenario, vehicle or weather; no seeds, or one for both purposes.
         """
         check = Checker("tuning", SettingsError)
+        if not self.seeds:
+            object.__setattr__(self, "seeds", self._usual_seeds)
         for name in ("seeds", "validation_seeds"):
             seeds = tuple(check.whole(name, seed) for seed in getattr(self, name))
             if not seeds or len(set(seeds)) < len(seeds):
@@ -84,6 +91,11 @@ class TuningFlights:
         flown = [s.name for s in self.flown]
         if len(set(flown)) < len(flown):
             raise check.refuse("scenarios", f"are {', '.join(flown)}", "give each of them once")
+
+    @property
+    def _usual_seeds(self) -> tuple[int, ...]:
+        count = SEEDS if self.scenarios else PAPER_SEEDS
+        return tuple(range(FIRST_SEED, FIRST_SEED + count))
 
     @cached_property
     def flown(self) -> tuple[Scenario, ...]:
@@ -145,7 +157,7 @@ class TuningFlights:
                 found += [flag, f"{1.0 / getattr(self.simulation, name):g}"]
         if self.simulation.governor is None:
             found += ["--governor", "off"]
-        if self.seeds != SEEDS:
+        if self.seeds != self._usual_seeds:
             found += ["--seeds", ",".join(map(str, self.seeds))]
         return found if self.driver == FASTEST else [*found, "--driver", self.driver]
 

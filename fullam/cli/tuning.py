@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     argument(
         "--seeds",
         type=options.seeds,
+        default=(),
         metavar="A,B-C",
-        help="of the weather of the flights that candidates fly (default: 1000000-1000002)",
+        help="of the weather that candidates meet (default: 1000000-1000007, of the paper's "
+        "scenarios three each)",
     ),
     argument(
         "--budget", type=options.runs, default=200, metavar="N", help="candidates (default: 200)"
@@ -100,7 +102,7 @@ def flights_of(arguments: argparse.Namespace) -> TuningFlights:
     Raises:
         FullamError: No such name, or values that do not fit together.
     """
-    from fullam.analysis.tuning_flights import SEEDS, TuningFlights
+    from fullam.analysis.tuning_flights import TuningFlights
 
     arguments.seed, seed = 0, arguments.seed  # of the optimiser, not of the weather
     given = options.flight_arguments(arguments)
@@ -111,7 +113,7 @@ def flights_of(arguments: argparse.Namespace) -> TuningFlights:
         "calm" if given["calm"] else given["weather"],
         given["shaping"],
         given["simulation"],
-        arguments.seeds or SEEDS,
+        arguments.seeds,
         driver=arguments.driver,
     )
 
