@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis import provenance, tuning_cost
+from fullam.analysis import margins, provenance, pushed, tuning_cost, tuning_flights
 from fullam.analysis.campaign import Campaign
 from fullam.analysis.cluster import open_workers
 from fullam.analysis.contender import Contender
 from fullam.analysis.journal import open_journal
 from fullam.analysis.prices import Prices
 from fullam.analysis.provenance import cached_vehicle
-from fullam.analysis.tuning_flights import TuningFlights, candidate_cost
+from fullam.analysis.tuning_flights import TuningFlights, candidate_cost, lacking_margin, trying
 from fullam.analysis.tuning_result import Costs, Tuning
 from fullam.control.controllers import controller_class, make_settings
 from fullam.control.settings_file import SettingsFile
@@ -35,6 +35,9 @@ from fullam.control.tunable import Parameter, search_space
 from fullam.exceptions import CampaignError, MissingDependency, SettingsError
 
 Array = NDArray[np.float64]
+
+_COST = [str(module.__file__) for module in (tuning_cost, tuning_flights, margins, pushed)]
+"""Files that say what a candidate costs, beside those of `provenance.code_digest`."""
 
 POPULATION = 10
 """Candidates a generation."""
@@ -123,7 +126,8 @@ def tune(
             if progress is not None:
                 progress(best)
         validation = prices.of([tuned, best.settings], flights.validation)
-        best = replace(best, validation=Costs(*validation))
+        unsafe = lacking_margin(trying(campaign, best.settings))
+        best = replace(best, validation=Costs(*validation), unsafe=unsafe)
         if out is not None:
             best.save(out)
             Path(f"{out}.journal").unlink()
@@ -138,7 +142,7 @@ def _conditions(campaign: Campaign) -> dict[str, Any]:
         "controller": contender["controller"],
         "start": contender["settings"],
         "estimator": contender["estimator"],
-        "cost": provenance.short_digest(Path(tuning_cost.__file__).read_bytes()),
+        "cost": provenance.short_digest(b"".join(Path(f).read_bytes() for f in _COST)),
         **identity,
     }
 

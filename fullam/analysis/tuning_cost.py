@@ -7,7 +7,10 @@ The cost of a flight, in which 1 is roughly "as bad as the sensor's noise":
       + largest excursion / 25 mm             +  largest excursion / 5 deg   (off the straight path)
 
 and `LOST` for a flight that does not end. Axes that a scenario does not control cost nothing. The
-cost of a candidate is the mean over its flights.
+cost of a candidate is the mean over its flights; and `NO_MARGIN` is added if a loop of it has no
+margin (`margins`), which a flight of some seconds need not show: what drifts away slowly, or swings
+as soon as a parameter is off, is no tuning. Laws that are no kernels are not asked: it would take
+longer than their flights.
 """
 
 from __future__ import annotations
@@ -23,10 +26,14 @@ Array = NDArray[np.float64]
 LOST = 50.0
 """Cost of a flight that diverges or fails; a bad one that ends has about 15."""
 
+NO_MARGIN = 10.0
+"""Added to the cost of settings whose loops have no margin: nothing that has one costs so much more
+than what flies best."""
+
 IN_WORDS = (
     "mean over the flights of: integral of the error over the step [s] + RMS / (10 mm, 1 deg) "
     f"+ largest excursion / (25 mm, 5 deg), position and attitude alike; {LOST:g} for one that is "
-    "lost"
+    f"lost; {NO_MARGIN:g} more if a loop has no margin"
 )
 """The cost in one line."""
 

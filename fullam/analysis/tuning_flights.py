@@ -13,7 +13,8 @@ import numpy as np
 from fullam.analysis.campaign import Campaign
 from fullam.analysis.contender import Contender
 from fullam.analysis.judged import FASTEST
-from fullam.analysis.tuning_cost import flight_costs
+from fullam.analysis.margins import margin_warning
+from fullam.analysis.tuning_cost import NO_MARGIN, flight_costs
 from fullam.checks import Checker
 from fullam.exceptions import SettingsError
 from fullam.simulation.scenario import Scenario, load_scenario
@@ -165,7 +166,7 @@ class TuningFlights:
 def candidate_cost(
     settings: Mapping[str, Any], campaign: Campaign, flights: Iterable[Flight]
 ) -> float:
-    """Mean cost of settings over some flights; this is what a worker is sent.
+    """Cost of settings over some flights, see `tuning_cost`; this is what a worker is sent.
 
     Args:
         settings: Those of the campaign's only contender that are tried.
@@ -173,9 +174,27 @@ def candidate_cost(
         flights: The flights.
     """
     campaign.register_here()
-    given = campaign.contenders[0]
-    tried = Contender(given.controller, {**given.complete, **settings}, given.estimator, "tried")
-    flown = replace(campaign, contenders=(tried,))
-    keys = [(name, tried.label, seed) for name, seed in flights]
+    flown = trying(campaign, settings)
+    keys = [(name, flown.contenders[0].label, seed) for name, seed in flights]
     costs = [flight_costs(cells.flights.figures) for cells in flown.fly(keys)]
-    return float(np.mean(np.concatenate(costs)))
+    unsafe = NO_MARGIN if lacking_margin(flown) is not None else 0.0
+    return float(np.mean(np.concatenate(costs))) + unsafe
+
+
+def trying(campaign: Campaign, settings: Mapping[str, Any]) -> Campaign:
+    """A campaign with other settings of its only contender."""
+    (given,) = campaign.contenders
+    tried = Contender(given.controller, {**given.complete, **settings}, given.estimator, "tried")
+    return replace(campaign, contenders=(tried,))
+
+
+def lacking_margin(campaign: Campaign) -> str | None:
+    """Which loop of a campaign's only contender has no margin, in a line; None if all have one.
+
+    Every vehicle is asked once, in hover with its arm as its first scenario has it.
+    """
+    first: dict[str, Scenario] = {}
+    for scenario in campaign.scenarios:
+        first.setdefault(scenario.vehicle, scenario)
+    plans = (campaign.plan(scenario, campaign.contenders[0]) for scenario in first.values())
+    return next((line for line in map(margin_warning, plans) if line is not None), None)

@@ -54,6 +54,7 @@ class Tuning:
         vehicles: Name -> digest of the vehicles that flew.
         origin: The file that the search started from; None for the defaults.
         validation: On the validation flights; None while the search goes on.
+        unsafe: Which loop of the result has no margin; None if all have one, or if it is not known.
     """
 
     controller: str
@@ -69,6 +70,7 @@ class Tuning:
     vehicles: Mapping[str, str]
     origin: str | None = None
     validation: Costs | None = None
+    unsafe: str | None = None
 
     @property
     def name(self) -> str:
@@ -83,6 +85,8 @@ class Tuning:
     @property
     def remark(self) -> str | None:
         """What whoever flies the result should know; None if all is well."""
+        if self.unsafe is not None:
+            return f"{self.unsafe}; nothing was found that has one"
         if not self.improved:
             return (
                 f"nothing better than the start was found in {self.evaluations} candidates; give "

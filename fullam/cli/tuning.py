@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from typing import TYPE_CHECKING
 
 from fullam.cli import options
@@ -13,6 +14,9 @@ from fullam.cli.verbs import OK, argument, verb
 if TYPE_CHECKING:
     from fullam.analysis.tuning_flights import TuningFlights
     from fullam.analysis.tuning_result import Tuning
+
+WIDTH = 96
+"""Of a line of text."""
 
 
 @verb(
@@ -62,10 +66,10 @@ def tune(arguments: argparse.Namespace) -> int:
 
     CMA-ES searches the ranges that the law declares for its settings. The cost of a candidate is
     the mean over its flights of: integral of the error over the step [s] + RMS over 10 mm and 1 deg
-    + largest excursion over 25 mm and 5 deg, position and attitude alike; 50 for a lost flight.
-    Then start and result fly other seeds, and both costs are printed. With --out an interrupted
-    search keeps its best, and the same command continues it; every verb that flies takes the file
-    with --settings.
+    + largest excursion over 25 mm and 5 deg, position and attitude alike; 50 for a lost flight; and
+    10 more if a loop has no margin, which of laws that are no kernels is not asked. Then start and
+    result fly other seeds, and both costs are printed. With --out an interrupted search keeps its
+    best, and the same command continues it; every verb that flies takes the file with --settings.
     """
     from fullam.analysis.tuning import tune as search
     from fullam.control.controllers import load_settings
@@ -126,7 +130,7 @@ def report(best: Tuning, arguments: argparse.Namespace) -> None:
     say(
         f"{best.controller} with the estimator {best.estimator}, "
         f"{', '.join(s.name for s in flights.flown)} on {', '.join(best.vehicles)}: "
-        f"{best.evaluations} candidates\n\ncost, {IN_WORDS}:\n"
+        f"{best.evaluations} candidates\n\n{textwrap.fill(f'cost, {IN_WORDS}:', WIDTH)}\n"
     )
     rows = [("training", best.cost, flights.training)]
     if best.validation is not None:
@@ -136,7 +140,8 @@ def report(best: Tuning, arguments: argparse.Namespace) -> None:
         for text, cost, flown in rows
     ]
     say(table(lines, ["", "flights", "before", "after"]))
-    say("\n" + table([(n, _text(best.start[n]), _text(v)) for n, v in best.settings.items()]))
+    values = [(name, _text(best.start[name]), _text(v)) for name, v in best.settings.items()]
+    say(f"\n{table(values, ['', 'before', 'after'])}")
     if best.remark is not None:
         complain(best.remark)
     if arguments.out is None:

@@ -86,12 +86,12 @@ def load_settings(path: str | Path) -> SettingsFile:
     """
     file = read_settings(path)
     if file.controller is not None:
-        if file.controller not in CONTROLLERS:
+        if file.controller not in (known := controller_names()):
             raise SettingsError(
                 file.path,
                 "controller",
                 f"'{file.controller}' is not known",
-                f"bring it along if it is your own; known are {', '.join(controller_names())}",
+                f"bring it along if it is your own; known are {', '.join(known)}",
             )
         make_settings(file.controller, file)
     return file

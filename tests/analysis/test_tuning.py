@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("cma", reason="the extra 'campaign' is not installed")
 
-from fullam.analysis import tuned_gains, tuning
+from fullam.analysis import tuned_gains, tuning, tuning_flights
 from fullam.analysis.cluster import map_in_order, open_workers
 from fullam.analysis.contender import Contender
 from fullam.analysis.judged import figures_of, judge_of
@@ -20,8 +20,13 @@ from fullam.analysis.metrics import measure
 from fullam.analysis.response import Response
 from fullam.analysis.tuned_gains import tuned_names, tuned_settings
 from fullam.analysis.tuning import tune
-from fullam.analysis.tuning_cost import LOST, flight_costs
-from fullam.analysis.tuning_flights import TuningFlights, candidate_cost
+from fullam.analysis.tuning_cost import LOST, NO_MARGIN, flight_costs
+from fullam.analysis.tuning_flights import (
+    TuningFlights,
+    candidate_cost,
+    lacking_margin,
+    trying,
+)
 from fullam.control.controller import Controller
 from fullam.control.controllers import CONTROLLERS, LAWS, load_settings, make_settings
 from fullam.control.tunable import search_space, tunable
@@ -218,7 +223,7 @@ def test_both_drivers_and_any_number_of_threads_find_the_same_cost():
 @pytest.mark.parametrize("driver", ["python", "fused"])
 def test_a_lost_flight_costs_the_most(driver):
     limp = {"attitude_gains": (1e-3, 0.0, 0.0)}
-    assert cost_of("pid", driver, (("position-3", 1_000_000),))(limp) == LOST
+    assert cost_of("pid", driver, (("position-3", 1_000_000),))(limp) == LOST + NO_MARGIN
 
 
 def test_mistakes_are_named_before_anything_flies(tmp_path):
@@ -337,6 +342,7 @@ def test_luck_is_called_luck(monkeypatch):
         return known if flights[0][1] in TuningFlights().seeds else -known
 
     monkeypatch.setattr(tuning, "candidate_cost", lucky)
+    monkeypatch.setattr(tuning, "lacking_margin", lambda campaign: None)
     assert "is luck" in tune("dc-pid", budget=60).remark
 
 
@@ -355,6 +361,27 @@ def test_a_search_starts_from_a_file_and_keeps_what_it_does_not_tune(tmp_path, k
     assert result.cost.before == pytest.approx(bowl(result.start, None, None))
     assert load_settings(tmp_path / "next.toml")["compensation"] == "previous_wrench"
     assert f"--settings {first}" in result.command
+
+
+DRIFTING = {"position_gains": (11.07, 0.3077, 1.356), "attitude_gains": (33.1, 61.09, 8.952)}
+"""Gains that fly hextilt-step for six seconds with less error than the defaults, and run away."""
+
+
+def test_what_flies_well_for_a_while_and_has_no_margin_is_no_tuning(monkeypatch):
+    flights = TuningFlights(("hextilt-step",))
+    campaign = flights.campaign(Contender("dc-pid"))
+    assert lacking_margin(campaign) is None
+    assert "runs away" in lacking_margin(trying(campaign, DRIFTING))
+    usual, drifting = (candidate_cost(s, campaign, flights.training) for s in ({}, DRIFTING))
+    monkeypatch.setattr(tuning_flights, "lacking_margin", lambda campaign: None)
+    flown = candidate_cost(DRIFTING, campaign, flights.training)
+    assert flown < usual < drifting == pytest.approx(flown + NO_MARGIN)
+    monkeypatch.undo()
+    result = tune("dc-pid", flights, settings=DRIFTING, budget=11)
+    assert lacking_margin(trying(campaign, result.settings)) is None
+    monkeypatch.setattr(tuning, "candidate_cost", lambda *_, **__: 1.0)
+    result = tune("dc-pid", flights, settings=DRIFTING, budget=11)
+    assert "runs away; nothing was found that has one" in result.remark
 
 
 def test_the_command_says_what_was_flown():
