@@ -138,7 +138,7 @@ def test_reproduce_writes_where_it_says(tmp_path, capsys, monkeypatch):
     assert main([*line, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.strip() == str(tmp_path / "index.html")
     assert (asked["quick"], asked["jobs"]) == (True, 2)
-    assert [dict(file) for file in asked["settings"]] == [{"rounds": 2}]
+    assert dict(asked["contenders"][0].contender.file) == {"rounds": 2}
 
 
 def test_settings_of_a_file_fly_in_the_report_and_in_its_commands(tmp_path):

@@ -110,6 +110,9 @@ def entries(files: Sequence[SettingsFile] = ()) -> tuple[Entry, ...]:
 
     Args:
         files: Settings in the place of those.
+
+    Raises:
+        CampaignError: Settings of a controller that does not take part.
     """
 
     def contender(controller: str, estimator: str | None = None) -> Contender:
@@ -180,7 +183,7 @@ def reproduce(
     jobs: int = 1,
     scheduler: Scheduler | str | None = None,
     driver: str = FASTEST,
-    settings: Sequence[SettingsFile] = (),
+    contenders: tuple[Entry, ...] | None = None,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Fly and judge everything; keeps rows in `folder`/data.
@@ -192,16 +195,15 @@ def reproduce(
         jobs: Threads of this process.
         scheduler: A running dask scheduler, or its address.
         driver: Who flies, one of `DRIVERS` or `FASTEST`.
-        settings: Files of settings to fly in the place of the committed ones.
+        contenders: Who takes part; `entries()` if None.
         progress: Told what is being done.
 
     Raises:
-        CampaignError: No runs or jobs, the workers are lost, or settings of a controller that does
-            not take part.
+        CampaignError: No runs or jobs, or the workers are lost.
         MissingDependency: The extra "campaign" is not installed.
     """
     runs = QUICK_RUNS if quick else runs
-    contenders = entries(settings)
+    contenders = entries() if contenders is None else contenders
     tell = progress or (lambda text, done, total: None)
     tables: dict[str, CampaignTable] = {}
     quadrotor: dict[str, CampaignTable] = {}
@@ -236,7 +238,7 @@ def reproduce(
     return Reproduction(
         runs,
         quick,
-        f"fullam reproduce {'--quick' if quick else f'--runs {runs}'}{_options(settings)}",
+        f"fullam reproduce {'--quick' if quick else f'--runs {runs}'}{_options(contenders)}",
         contenders,
         tables,
         quadrotor,
@@ -271,17 +273,17 @@ def command(claim: Claim, entry: Entry, condition: Condition, runs: int) -> str:
     name = contender_name(entry.contender.controller, entry.contender.estimator)
     names = f"{name},{RIVAL}" if rival else name
     tuned = " --tuned" if name in tuned_names() else ""
-    file = entry.contender.file
     return (
         f"fullam sweep {','.join(scenarios)} --controllers {names}{tuned}"
-        f"{_options([] if file is None else [file])} --runs {runs}"
+        f"{_options((entry,))} --runs {runs}"
         f"{condition.option} --out {claim.key}.parquet"
     )
 
 
-def _options(files: Sequence[SettingsFile]) -> str:
-    """What gives a command these files of settings."""
-    return "".join(f" --settings {shlex.quote(file.path)}" for file in files)
+def _options(contenders: tuple[Entry, ...]) -> str:
+    """What gives a command the files of settings that these fly with."""
+    files = [e.contender.file.path for e in contenders if e.contender.file is not None]
+    return "".join(f" --settings {shlex.quote(path)}" for path in files)
 
 
 def _data_file(folder: Path, name: str, campaign: Campaign) -> Path:

@@ -204,6 +204,7 @@ def reproduce(arguments: argparse.Namespace) -> int:
     group's recorded runs beside ours: one page that opens offline. Interrupted, the same command
     continues.
     """
+    from fullam.analysis.reproduce import entries
     from fullam.analysis.reproduce import reproduce as fly
     from fullam.control.controllers import load_settings
     from fullam.viz.report import write_report
@@ -216,7 +217,7 @@ def reproduce(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             scheduler=scheduler(arguments),
             driver=arguments.driver,
-            settings=[load_settings(path) for path in arguments.settings],
+            contenders=entries([load_settings(path) for path in arguments.settings]),
             progress=progress,
         )
     page = write_report(result, arguments.out)
