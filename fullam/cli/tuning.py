@@ -56,7 +56,7 @@ WIDTH = 96
     argument(
         "--out", type=options.settings_path, metavar="FILE", help="keep the best so far (.toml)"
     ),
-    *[flag for flag in options.FLIGHT if flag[0][0] != "--seed"],
+    *[flag for flag in options.FLIGHT if flag[0][0] not in ("--seed", "--failed")],
     JOBS,
     ANY_DRIVER,
     options.JSON,
@@ -108,9 +108,10 @@ def flights_of(arguments: argparse.Namespace) -> TuningFlights:
     """
     from fullam.analysis.tuning_flights import TuningFlights
 
-    arguments.seed, seed = 0, arguments.seed  # of the optimiser, not of the weather
-    given = options.flight_arguments(arguments)
-    arguments.seed = seed
+    # The seed that was typed is the optimiser's, and every rotor turns.
+    given = options.flight_arguments(
+        argparse.Namespace(**{**vars(arguments), "seed": 0, "failed": []})
+    )
     return TuningFlights(
         tuple(arguments.scenario),
         given["vehicle"],

@@ -181,6 +181,7 @@ def fly_free(arguments: argparse.Namespace) -> int:
         controller,
         arguments.duration,
         seed=arguments.seed,
+        failed=arguments.failed,
         calm=arguments.calm,
         weather=arguments.weather,
         settings=settings,

@@ -28,15 +28,16 @@ WORDS = (
 )
 OPTIONS = {
     "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate "
-            "--out --estimator --governor --shape --figure --driver --calm --json"),
+            "--out --estimator --governor --failed --shape --figure --driver --calm --json"),
     "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor "
-                "--shape --figure --driver --calm --json"),
+                "--shape --failed --figure --driver --calm --json"),
     "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
-              "--weather"),
+              "--weather --failed"),
     "list": "--json",
     "equations": "--json",
     "plot": "--what --out",
-    "view": "--controller --settings --seed --offset --speed --port --wait --at --vehicle --calm",
+    "view": ("--controller --settings --seed --offset --speed --port --wait --at --vehicle "
+             "--failed --calm"),
     "sweep": ("--controllers --settings --runs --tuned --estimator --weather --no-gusts "
               "--overwrite --jobs --tls-ca --driver --json"),
     "tune": ("--budget --seed --seeds --scenario --vehicle --weather --settings --control-rate "
