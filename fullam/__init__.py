@@ -45,8 +45,14 @@ if TYPE_CHECKING:
     from fullam.analysis.metrics import Metrics, measure
     from fullam.control.allocation import Allocation, Allocator
     from fullam.control.controller import Controller
-    from fullam.control.controllers import controller_names, make_controller, register
+    from fullam.control.controllers import (
+        controller_names,
+        load_settings,
+        make_controller,
+        register,
+    )
     from fullam.control.estimators import estimator_names
+    from fullam.control.tunable import tunable
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
     from fullam.simulation.many import fly_many
@@ -67,8 +73,11 @@ LATER = {
     "fullam.analysis.metrics": ("Metrics", "measure"),
     "fullam.control.allocation": ("Allocation", "Allocator"),
     "fullam.control.controller": ("Controller",),
-    "fullam.control.controllers": ("controller_names", "make_controller", "register"),
+    "fullam.control.controllers": (
+        *("controller_names", "load_settings", "make_controller", "register"),
+    ),
     "fullam.control.estimators": ("estimator_names",),
+    "fullam.control.tunable": ("tunable",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
     "fullam.simulation.many": ("fly_many",),
@@ -139,6 +148,7 @@ __all__ = [
     "fly",
     "fly_many",
     "load_scenario",
+    "load_settings",
     "load_vehicle",
     "loop_margins",
     "make_controller",
@@ -149,6 +159,7 @@ __all__ = [
     "register_scenario",
     "scenario_names",
     "simulate",
+    "tunable",
     "vehicle_names",
     "view",
     "weather",

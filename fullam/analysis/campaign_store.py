@@ -20,9 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from fullam.analysis.arrow import pa, pq
 from fullam.analysis.campaign_table import (
     SCHEMA,
     CampaignTable,

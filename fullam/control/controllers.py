@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 from fullam.checks import Checker
@@ -12,6 +13,7 @@ from fullam.control.controller import ALL_AXES, Controller
 from fullam.control.dc_pid import DcPid
 from fullam.control.dc_pid_plus import DcPidPlus
 from fullam.control.pid import Pid
+from fullam.control.settings_file import SettingsFile, read_settings
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
@@ -65,10 +67,34 @@ def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
     Raises:
         UnknownName: No such controller.
         SettingsError: A setting that the controller does not have (the message lists its own), or
-            one of the wrong type.
+            one of the wrong type; or a file with the settings of another controller.
     """
+    if isinstance(changes, SettingsFile):
+        return changes.settings_of(name, controller_class(name).Settings)
     check = Checker(f"controller '{name}'", SettingsError)
     return check.settings(controller_class(name).Settings, changes)
+
+
+def load_settings(path: str | Path) -> SettingsFile:
+    """Settings that `fullam tune` wrote, or anybody else, for `simulate(settings=...)`.
+
+    `fullam.control.settings_file` says what stands in such a file.
+
+    Raises:
+        SettingsError: No such file; a controller that is not registered, a setting that it does not
+            have, or one of the wrong type.
+    """
+    file = read_settings(path)
+    if file.controller is not None:
+        if file.controller not in (known := controller_names()):
+            raise SettingsError(
+                file.path,
+                "controller",
+                f"'{file.controller}' is not known",
+                f"bring it along if it is your own; known are {', '.join(known)}",
+            )
+        make_settings(file.controller, file)
+    return file
 
 
 def make_controller(
