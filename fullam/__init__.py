@@ -19,6 +19,7 @@ import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import load_plugin
 from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.run import Run
@@ -38,7 +39,8 @@ if TYPE_CHECKING:
     from fullam.control.allocation import Allocation, Allocator
     from fullam.control.controller import Controller
     from fullam.control.controllers import controller_names, make_controller, register
-    from fullam.control.estimators import estimator_names
+    from fullam.control.estimator import Estimator
+    from fullam.control.estimators import estimator_names, register_estimator
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
     from fullam.simulation.many import fly_many
@@ -57,7 +59,8 @@ LATER = {
     "fullam.control.allocation": ("Allocation", "Allocator"),
     "fullam.control.controller": ("Controller",),
     "fullam.control.controllers": ("controller_names", "make_controller", "register"),
-    "fullam.control.estimators": ("estimator_names",),
+    "fullam.control.estimator": ("Estimator",),
+    "fullam.control.estimators": ("estimator_names", "register_estimator"),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
     "fullam.simulation.many": ("fly_many",),
@@ -92,6 +95,7 @@ __all__ = [
     "Allocator",
     "Circle",
     "Controller",
+    "Estimator",
     "FullamError",
     "HoldArm",
     "Metrics",
@@ -114,6 +118,7 @@ __all__ = [
     "explore",
     "fly",
     "fly_many",
+    "load_plugin",
     "load_scenario",
     "load_vehicle",
     "loop_margins",
@@ -122,6 +127,7 @@ __all__ = [
     "prepare",
     "refly",
     "register",
+    "register_estimator",
     "register_scenario",
     "scenario_names",
     "simulate",

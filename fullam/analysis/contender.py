@@ -7,7 +7,7 @@ from typing import Any
 
 from fullam.analysis.tuned_gains import tuned_settings
 from fullam.checks import Checker, shown
-from fullam.control.controllers import make_settings
+from fullam.control.controllers import make_settings, plain_settings
 from fullam.control.estimators import estimator_class
 from fullam.exceptions import CampaignError
 
@@ -45,7 +45,7 @@ class Contender:
                 f"is {shown(settings)}",
                 "give 'tuned' or a mapping",
             )
-        complete = make_settings(self.controller, settings).to_dict()
+        complete = plain_settings(self.controller, make_settings(self.controller, settings))
         object.__setattr__(self, "settings", complete)
         if self.estimator is not None:
             estimator_class(self.estimator)

@@ -7,6 +7,7 @@ the origin of {A}, force then moment. `controllers` has them by name.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -57,6 +58,11 @@ class ReferencePoint:
         self.acceleration: Array = np.zeros(6)
 
 
+@dataclass(frozen=True)
+class NoSettings:
+    """The settings of a law that has none."""
+
+
 class Controller(ABC):
     """A control law on the nominal vehicle.
 
@@ -72,7 +78,7 @@ class Controller(ABC):
     """
 
     name: ClassVar[str]
-    Settings: ClassVar[type]
+    Settings: ClassVar[type] = NoSettings
     estimator: ClassVar[str] = "first-order"
     attitude: Array | None = None
 

@@ -14,7 +14,9 @@ from fullam.control.dc_pid_plus import DcPidPlus
 from fullam.control.pid import Pid
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
-from fullam.registry import Registry
+from fullam.plain_values import from_plain, to_plain
+from fullam.plugins import discover
+from fullam.registry import Registry, check_class
 
 LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, Backstepping, ComputedWrench)
 """Those that come with fullam."""
@@ -26,9 +28,14 @@ ControllerType = TypeVar("ControllerType", bound=type[Controller])
 
 
 def register(name: str) -> Callable[[ControllerType], ControllerType]:
-    """Class decorator: make a controller known under `name`."""
+    """Class decorator: make a controller known under `name`.
+
+    Raises:
+        SettingsError: What it decorates is no whole `Controller`, or its settings lack a default.
+    """
 
     def add(cls: ControllerType) -> ControllerType:
+        check_class(cls, Controller, f"controller '{name}'")
         cls.name = name
         CONTROLLERS[name] = cls
         return cls
@@ -37,7 +44,8 @@ def register(name: str) -> Callable[[ControllerType], ControllerType]:
 
 
 def controller_names() -> tuple[str, ...]:
-    """Names of the registered controllers, sorted."""
+    """Names of the registered controllers, sorted; those of installed plugins too."""
+    discover()
     return tuple(sorted(CONTROLLERS))
 
 
@@ -68,7 +76,16 @@ def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
             one of the wrong type.
     """
     check = Checker(f"controller '{name}'", SettingsError)
-    return check.settings(controller_class(name).Settings, changes)
+    return from_plain(controller_class(name).Settings, changes, check)
+
+
+def plain_settings(name: str, settings: Any) -> dict[str, Any]:
+    """Settings of the controller `name` as JSON values; `make_settings` is the inverse.
+
+    Raises:
+        SettingsError: A value that cannot be saved; the message names the field and what can.
+    """
+    return to_plain(settings, Checker(f"controller '{name}'", SettingsError))
 
 
 def make_controller(

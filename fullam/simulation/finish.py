@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.control.controllers import plain_settings
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
+from fullam.ownership import owner_of
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.oscillation import flight_swing
 from fullam.simulation.run import COLUMNS, FORMAT, Run
@@ -60,7 +62,7 @@ def finish(
         "scenario": plan.scenario.to_dict(),
         "vehicle": plan.nominal.to_data(),
         "controller": plan.controller,
-        "settings": plan.settings.to_dict(),
+        "settings": plain_settings(plan.controller, plan.settings),
         "simulation": plan.simulation.to_dict(),
         "weather": plan.weather.to_dict(),
         "seed": plan.seed,
@@ -68,9 +70,30 @@ def finish(
         "reason": reason,
         "driver": driver,
         "versions": _versions(driver),
+        **_plugins(plan, more.get("script")),
         **more,
     }
     return Run({name: out[name] for name in COLUMNS}, metadata)
+
+
+def _plugins(plan: FlightPlan, script: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The plugins that flew, each with its digest and what of it flew; nothing if there are none.
+
+    Args:
+        plan: What was flown.
+        script: What hands did, who may have put another law or estimator in the place of the first.
+    """
+    flown = {("controller", plan.controller), ("estimator", str(plan.simulation.estimator))}
+    for done in script["interventions"] if script else ():
+        if done["kind"] in ("controller", "estimator"):
+            flown.add((done["kind"], done["name"]))
+    found: dict[str, dict[str, Any]] = {}
+    for kind, name in sorted(flown):
+        plugin = owner_of(kind, name)
+        if plugin is not None:
+            entry = found.setdefault(plugin.source, {**plugin.to_dict(), "flew": []})
+            entry["flew"].append(f"{kind} {name}")
+    return {"plugins": [*found.values()]} if found else {}
 
 
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite")

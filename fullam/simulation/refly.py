@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.control.controllers import controller_names
+from fullam.control.estimators import estimator_names
+from fullam.exceptions import FullamWarning, PluginError
+from fullam.ownership import LOADED
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.hand_force import HandForce, Holds, felt, still_pushing
 from fullam.simulation.hands import force_after
@@ -24,7 +29,14 @@ def refly(run: Run) -> Run:
 
     What hands did to it is done again. A true vehicle that somebody put in
     (`FlightPlan.with_true`) is in no record: the seed's flies.
+
+    Raises:
+        PluginError: A plugin that flew is not loaded here; the message names it.
+
+    Warns:
+        FullamWarning: A plugin that flew has changed since.
     """
+    require_plugins(run)
     if run.script is not None:
         return _refly_script(run)
     return simulate(
@@ -44,9 +56,11 @@ def plan_of(run: Run, scenario: Scenario | None = None) -> FlightPlan:
     """What a record is the flight of, or would be in another scenario.
 
     Raises:
+        PluginError: A plugin that flew is not loaded here.
         UnknownName: Its law or its estimator is not registered here.
         SettingsError: The law takes other settings here.
     """
+    require_plugins(run)
     return prepare(
         scenario or run.scenario,
         run.controller,
@@ -56,6 +70,33 @@ def plan_of(run: Run, scenario: Scenario | None = None) -> FlightPlan:
         settings=run.settings,
         simulation=run.simulation,
     )
+
+
+def require_plugins(run: Run) -> None:
+    """See that the plugins that a record was flown with are here.
+
+    Raises:
+        PluginError: One is not; the message names it.
+
+    Warns:
+        FullamWarning: One is another than the one that flew.
+    """
+    for entry in run.plugins:
+        name, digest = entry["name"], entry["digest"]
+        if digest in {plugin.digest for plugin in LOADED.values()}:
+            continue
+        flew = [thing.split(" ", 1) for thing in entry["flew"]]
+        here = {"controller": controller_names(), "estimator": estimator_names()}
+        if all(thing in here.get(kind, ()) for kind, thing in flew):
+            text = f"{name} is another one than the one that flew ({digest}): bits may differ"
+            warnings.warn(text, FullamWarning, stacklevel=3)
+            continue
+        raise PluginError(
+            f"the record of {run.controller}",
+            ", ".join(entry["flew"]),
+            f"flew from the plugin {name} (digest {digest}), which is not loaded",
+            f'load it first: fullam.load_plugin("{name}"), or --plugin {name}',
+        )
 
 
 def _refly_script(run: Run) -> Run:

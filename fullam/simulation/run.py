@@ -201,6 +201,11 @@ class Run:
         return self.metadata.get("script")
 
     @property
+    def plugins(self) -> list[dict[str, Any]]:
+        """Plugins that flew: "name" and "digest" of each, and what of it "flew"; mostly none."""
+        return list(self.metadata.get("plugins", []))
+
+    @property
     def driver(self) -> str:
         """Who flew it: "python" or "fused"."""
         return str(self.metadata["driver"])

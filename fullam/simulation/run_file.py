@@ -193,6 +193,7 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         raise check.refuse("metadata", str(error).rstrip("."), "save the run again") from error
     if "script" in metadata:
         _check_script(metadata["script"], scenario.duration, check)
+    _check_plugins(metadata.get("plugins", []), check)
     rows = arrays["t"].size
     for name, width, count in (
         ("arm", vehicle.n_arm, arrays["arm"].shape[1]),
@@ -218,6 +219,17 @@ def _check_script(script: Any, duration: float, check: Checker) -> None:
         read_script(table.get("interventions"))
     except FullamError as error:
         raise check.refuse("script", str(error).rstrip("."), "save the run again") from error
+
+
+def _check_plugins(plugins: Any, check: Checker) -> None:
+    """Each has a name, a digest, and a list of what of it flew."""
+    for entry in check.instance("plugins", plugins, list):
+        table = check.table("plugins", entry)
+        check.known(table, ("name", "digest", "flew"))
+        for name in ("name", "digest"):
+            check.text(name, table.get(name))
+        for thing in check.instance("flew", table.get("flew"), list):
+            check.text("flew", thing)
 
 
 def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Checker) -> None:

@@ -87,7 +87,7 @@ def test_rows_of_an_edited_controller_are_not_continued(tmp_path, own_law):
     own_law(comment="changes nothing")
     assert len(sweep(Campaign((scenario,), ("own",), (0, 1)), out)) == 2
     own_law(gain=0.5)
-    with pytest.raises(CampaignError, match="registered differ"):
+    with pytest.raises(CampaignError, match=r"registered \(controller own\) differ"):
         sweep(Campaign((scenario,), ("own",), (0, 1, 2)), out)
 
 
