@@ -21,8 +21,8 @@ from fullam.numbers.vectors import ZERO
 class MyLawSettings:
     """Gains K_p [1/s^2], K_i [1/s^3], K_d [1/s]; largest integral action [m/s^2, rad/s^2]."""
 
-    position_gains: tuple[float, float, float] = (9.6, 3.0, 6.0)
-    attitude_gains: tuple[float, float, float] = (40.0, 20.0, 11.0)
+    position_gains: tuple[float, float, float] = (16.0, 16.0, 7.0)
+    attitude_gains: tuple[float, float, float] = (80.0, 250.0, 16.0)
     integral_limits: tuple[float, float] = (4.0, 20.0)
 
 
