@@ -9,7 +9,7 @@ hold goes to `data/superseded/`.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -40,6 +40,7 @@ from fullam.analysis.judged import FASTEST
 from fullam.analysis.recorded import Figures, Reading, Task
 from fullam.analysis.tuned_gains import contender_name, tuned_names
 from fullam.model.loading import load_vehicle
+from fullam.ownership import owner_of
 from fullam.simulation.catalogue import CONFIGURATIONS, TILT_EULER_DEG
 from fullam.simulation.scenario import load_scenario
 from fullam.simulation.weather import PAPER, Weather
@@ -103,8 +104,12 @@ class Entry:
     judged: bool
 
 
-def entries() -> tuple[Entry, ...]:
-    """dc-PID as in the paper, its rival, dc-PID+ with the Kalman filter; tuned where committed."""
+def entries(own: Sequence[str] = ()) -> tuple[Entry, ...]:
+    """dc-PID as in the paper, its rival, dc-PID+ with the Kalman filter; tuned where committed.
+
+    Args:
+        own: More that are judged by the same claims, as in `Contender.parse`.
+    """
 
     def contender(controller: str, estimator: str | None = None) -> Contender:
         tuned = contender_name(controller, estimator) in tuned_names()
@@ -114,6 +119,7 @@ def entries() -> tuple[Entry, ...]:
         Entry("dc-PID", contender("dc-pid"), True),
         Entry("Backstepping", contender(RIVAL), False),
         Entry("dc-PID+ with Kalman filter", contender("dc-pid-plus", "kalman"), True),
+        *(Entry(name, Contender.parse(name), True) for name in own),
     )
 
 
@@ -172,6 +178,7 @@ def reproduce(
     jobs: int = 1,
     scheduler: Scheduler | str | None = None,
     driver: str = FASTEST,
+    own: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Reproduction:
     """Fly and judge everything; keeps rows in `folder`/data.
@@ -183,6 +190,7 @@ def reproduce(
         jobs: Threads of this process.
         scheduler: A running dask scheduler, or its address.
         driver: Who flies, one of `DRIVERS` or `FASTEST`.
+        own: Laws that are judged beside the paper's, "NAME" or "NAME@ESTIMATOR".
         progress: Told what is being done.
 
     Raises:
@@ -190,7 +198,7 @@ def reproduce(
         MissingDependency: The extra "campaign" is not installed.
     """
     runs = QUICK_RUNS if quick else runs
-    contenders = entries()
+    contenders = entries(own)
     tell = progress or (lambda text, done, total: None)
     tables: dict[str, CampaignTable] = {}
     quadrotor: dict[str, CampaignTable] = {}
@@ -225,7 +233,7 @@ def reproduce(
     return Reproduction(
         runs,
         quick,
-        "fullam reproduce --quick" if quick else f"fullam reproduce --runs {runs}",
+        " ".join(["fullam reproduce", "--quick" if quick else f"--runs {runs}", *_typed(own)]),
         contenders,
         tables,
         quadrotor,
@@ -239,6 +247,13 @@ def reproduce(
             Path(folder) / "data" / "recorded.journal", 2 if quick else RECORDED_SEEDS, tell
         ),
     )
+
+
+def _typed(own: Sequence[str]) -> list[str]:
+    """What stands on a command line for laws that are judged beside the paper's."""
+    plugins = [owner_of("controller", name.partition("@")[0]) for name in own]
+    files = dict.fromkeys(f"--plugin {plugin.name}" for plugin in plugins if plugin is not None)
+    return [*([f"--controllers {','.join(own)}"] if own else []), *files]
 
 
 def rivals(contenders: tuple[Entry, ...]) -> dict[str, str]:
@@ -260,9 +275,11 @@ def command(claim: Claim, entry: Entry, condition: Condition, runs: int) -> str:
     name = contender_name(entry.contender.controller, entry.contender.estimator)
     names = f"{name},{RIVAL}" if rival else name
     tuned = " --tuned" if name in tuned_names() else ""
+    owner = owner_of("controller", entry.contender.controller)
+    plugin = f" --plugin {owner.name}" if owner else ""
     return (
         f"fullam sweep {','.join(scenarios)} --controllers {names}{tuned} --runs {runs}"
-        f"{condition.option} --out {claim.key}.parquet"
+        f"{condition.option} --out {claim.key}.parquet{plugin}"
     )
 
 

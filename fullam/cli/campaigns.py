@@ -276,6 +276,13 @@ def tune(arguments: argparse.Namespace) -> int:
     ),
     argument("--out", type=Path, default=Path("report"), metavar="FOLDER", help="default: report"),
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
+    argument(
+        "--controllers",
+        type=options.names,
+        default=[],
+        metavar="A,B",
+        help="more laws, of your own too, judged by the same claims; NAME or NAME@ESTIMATOR",
+    ),
     JOBS,
     *SCHEDULER,
     ANY_DRIVER,
@@ -298,6 +305,7 @@ def reproduce(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             scheduler=scheduler(arguments),
             driver=arguments.driver,
+            own=arguments.controllers,
             progress=progress,
         )
     page = write_report(result, arguments.out)

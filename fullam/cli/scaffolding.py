@@ -59,9 +59,7 @@ def new(arguments: argparse.Namespace) -> int:
     path, kind = arguments.file, arguments.kind
     name = path.stem.replace("_", "-").strip("-").lower()
     if kind != "controller" and arguments.kernel:
-        raise PluginError(
-            "fullam new", "--kernel", "is given", "an estimator is written as a class"
-        )
+        raise PluginError("fullam new", "--kernel", "is given", "an estimator is a class")
     refuse_taken(kind, name, path)
     template = "kernel_controller" if arguments.kernel else kind
     text = (TEMPLATES / f"{template}.py").read_text(encoding="utf-8")
