@@ -214,9 +214,11 @@ class WorkerProcesses:
     def _bury(self, k: int, task: _Task) -> None:
         """A worker has died: its item goes to another, unless it has killed too many."""
         worker = self._workers.pop(k, None)
-        if self._closing or worker is None:
+        if worker is None:
             return
         worker.kill()
+        if self._closing:
+            return
         task.deaths += 1
         if task.deaths < MOST_DEATHS:
             self._tasks.put(task)
