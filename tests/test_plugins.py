@@ -280,6 +280,22 @@ def test_a_record_without_its_plugin_says_which_file_to_give(law):
         fullam.refly(run)
 
 
+def test_a_record_whose_estimator_is_not_here_says_which_file_to_give(law, tmp_path):
+    assert main(["new", "estimator", "own_filter.py"]) == 0
+    path = tmp_path / "own_filter.py"
+    load_plugin(path)
+    flight = fullam.fly("fullam", "pid", calm=True)
+    flight.do("estimator", {"name": "own-filter"})
+    flight.advance(0.1)
+    fullam.simulate(HOP, "pid", simulation={"estimator": "own-filter"}).save("flown.npz")
+    flight.record.save("by_hand.npz")
+    assert fullam.Run.load("by_hand.npz").plugins == fullam.Run.load("flown.npz").plugins
+    ownership.withdraw(LOADED.pop(str(path)))
+    for name in ("flown.npz", "by_hand.npz"):
+        with pytest.raises(PluginError, match=rf"{name}: estimator own-filter: flew from the plug"):
+            fullam.Run.load(name)
+
+
 # The command line.
 
 

@@ -30,6 +30,8 @@ EPILOG = """examples:
   fullam run position-3 --calm --set compensation=previous_wrench --json
   fullam compare tilt-hover-2 --controllers dc-pid,pid --seed 7
   fullam check hextilt
+  fullam new controller my_law.py
+  fullam run task-2 --plugin my_law.py --controller my-law
 
 `fullam VERB --help` explains a verb. Exit codes: 0 well, 1 the flight diverged or the check
 failed, 2 bad usage or input, 130 interrupted."""

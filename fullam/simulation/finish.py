@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from fullam.control.controllers import plain_settings
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
-from fullam.ownership import owner_of
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.flown_plugins import plugins_of
 from fullam.simulation.oscillation import flight_swing
 from fullam.simulation.run import COLUMNS, FORMAT, Run
 from fullam.version import __version__, version_of
@@ -57,6 +57,7 @@ def finish(
     if outcome == "completed" and not touched:  # who was pulled about may swing
         swings = flight_swing(plan, out["pose"])
         outcome, reason = ("oscillating", str(swings)) if swings else (outcome, reason)
+    plugins = plugins_of(plan.controller, plan.simulation.estimator, more.get("script"))
     metadata = {
         "format": FORMAT,
         "scenario": plan.scenario.to_dict(),
@@ -70,30 +71,10 @@ def finish(
         "reason": reason,
         "driver": driver,
         "versions": _versions(driver),
-        **_plugins(plan, more.get("script")),
+        **({"plugins": plugins} if plugins else {}),
         **more,
     }
     return Run({name: out[name] for name in COLUMNS}, metadata)
-
-
-def _plugins(plan: FlightPlan, script: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The plugins that flew, each with its digest and what of it flew; nothing if there are none.
-
-    Args:
-        plan: What was flown.
-        script: What hands did, who may have put another law or estimator in the place of the first.
-    """
-    flown = {("controller", plan.controller), ("estimator", str(plan.simulation.estimator))}
-    for done in script["interventions"] if script else ():
-        if done["kind"] in ("controller", "estimator"):
-            flown.add((done["kind"], done["name"]))
-    found: dict[str, dict[str, Any]] = {}
-    for kind, name in sorted(flown):
-        plugin = owner_of(kind, name)
-        if plugin is not None:
-            entry = found.setdefault(plugin.source, {**plugin.to_dict(), "flew": []})
-            entry["flew"].append(f"{kind} {name}")
-    return {"plugins": [*found.values()]} if found else {}
 
 
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite")

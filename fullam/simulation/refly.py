@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.control.controllers import controller_names
-from fullam.control.estimators import estimator_names
-from fullam.exceptions import FullamWarning, PluginError
-from fullam.ownership import LOADED
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.flown_plugins import require_plugins
 from fullam.simulation.hand_force import HandForce, Holds, felt, still_pushing
 from fullam.simulation.hands import force_after
 from fullam.simulation.interactive import InteractiveFlight
@@ -36,7 +32,7 @@ def refly(run: Run) -> Run:
     Warns:
         FullamWarning: A plugin that flew has changed since.
     """
-    require_plugins(run)
+    require_plugins(run.plugins, f"the record of {run.controller}")
     if run.script is not None:
         return _refly_script(run)
     return simulate(
@@ -60,7 +56,7 @@ def plan_of(run: Run, scenario: Scenario | None = None) -> FlightPlan:
         UnknownName: Its law or its estimator is not registered here.
         SettingsError: The law takes other settings here.
     """
-    require_plugins(run)
+    require_plugins(run.plugins, f"the record of {run.controller}")
     return prepare(
         scenario or run.scenario,
         run.controller,
@@ -70,33 +66,6 @@ def plan_of(run: Run, scenario: Scenario | None = None) -> FlightPlan:
         settings=run.settings,
         simulation=run.simulation,
     )
-
-
-def require_plugins(run: Run) -> None:
-    """See that the plugins that a record was flown with are here.
-
-    Raises:
-        PluginError: One is not; the message names it.
-
-    Warns:
-        FullamWarning: One is another than the one that flew.
-    """
-    for entry in run.plugins:
-        name, digest = entry["name"], entry["digest"]
-        if digest in {plugin.digest for plugin in LOADED.values()}:
-            continue
-        flew = [thing.split(" ", 1) for thing in entry["flew"]]
-        here = {"controller": controller_names(), "estimator": estimator_names()}
-        if all(thing in here.get(kind, ()) for kind, thing in flew):
-            text = f"{name} is another one than the one that flew ({digest}): bits may differ"
-            warnings.warn(text, FullamWarning, stacklevel=3)
-            continue
-        raise PluginError(
-            f"the record of {run.controller}",
-            ", ".join(entry["flew"]),
-            f"flew from the plugin {name} (digest {digest}), which is not loaded",
-            f'load it first: fullam.load_plugin("{name}"), or --plugin {name}',
-        )
 
 
 def _refly_script(run: Run) -> Run:

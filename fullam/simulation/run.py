@@ -251,6 +251,7 @@ class Run:
 
         Raises:
             RunFileError: The file is missing, truncated, or no run of this format; see `run_file`.
+            PluginError: Its estimator is of a plugin that is not loaded; the message names it.
         """
         if not isinstance(path, str | Path):
             raise RunFileError("Run.load", "path", f"is {shown(path)}", "give a path")
