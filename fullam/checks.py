@@ -14,7 +14,7 @@ import numbers
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -208,6 +208,16 @@ class Checker:
                 raise self.refuse(
                     key, f"is no {what} of it", f"it has {', '.join(names) or 'none'}"
                 )
+
+    def settings(self, cls: type[Any], changes: Mapping[str, Any] | None) -> Any:
+        """A settings dataclass, its defaults with some of them changed."""
+        values = {} if changes is None else self.table("settings", changes)
+        self.known(values, tuple(field.name for field in fields(cls)), "setting")
+        try:
+            return cls(**values)
+        except (TypeError, ValueError, OverflowError) as error:
+            problem = f"is of the wrong type ({error})"
+            raise self.refuse("a setting", problem, f"see the defaults, {cls()}") from error
 
 
 def read_text(path: Path, check: Checker) -> str:

@@ -75,11 +75,7 @@ def from_plain(cls: type[Any], changes: Mapping[str, Any] | None, check: Checker
     known = defaults_of(cls, check)
     check.known(values, tuple(known), "setting")
     values = {name: _like(known[name], value, name, check) for name, value in values.items()}
-    try:
-        return cls(**values)
-    except (TypeError, ValueError, OverflowError) as error:
-        problem = f"is of the wrong type ({error})"
-        raise check.refuse("a setting", problem, f"see the defaults, {cls()}") from error
+    return check.settings(cls, values)
 
 
 def defaults_of(cls: type[Any], check: Checker) -> dict[str, Any]:
