@@ -37,7 +37,7 @@ from fullam.analysis.judged import FASTEST, driver_of, fly_judged
 from fullam.analysis.prices import Prices
 from fullam.analysis.provenance import cached_vehicle
 from fullam.analysis.tuned_gains import contender_name
-from fullam.control.controllers import make_settings, plain_settings, recommended_estimator
+from fullam.control.controllers import make_settings, recommended_estimator
 from fullam.exceptions import MissingDependency, SettingsError, UnknownName
 from fullam.files import atomic_path
 from fullam.simulation.scenario import AXES, load_scenario
@@ -258,7 +258,7 @@ def tune(
     if budget < POPULATION + 1:
         raise SettingsError("tuning", "budget", f"is {budget}", f"give {POPULATION + 1} or more")
     space = SEARCH_SPACES[controller]
-    start = _chosen(space, plain_settings(controller, make_settings(controller)))
+    start = _chosen(space, make_settings(controller).to_dict())
     price = functools.partial(
         candidate_cost, controller=controller, estimator=estimator, driver=driver
     )
@@ -290,7 +290,7 @@ def tune(
 def _conditions(controller: str, estimator: str, driver: str) -> dict[str, Any]:
     """What the cost of a candidate depends on, as JSON values."""
     return {
-        "controller": plain_settings(controller, make_settings(controller)) | {"": controller},
+        "controller": make_settings(controller).to_dict() | {"": controller},
         "estimator": estimator,
         "driver": driver,
         "scenarios": [load_scenario(name).to_dict() for name in _SCENARIOS],
