@@ -19,6 +19,7 @@ import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import load_plugin
 from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
 from fullam.simulation.arm_table import ArmTable
 from fullam.simulation.reference_table import ReferenceTable
@@ -51,7 +52,8 @@ if TYPE_CHECKING:
         make_controller,
         register,
     )
-    from fullam.control.estimators import estimator_names
+    from fullam.control.estimator import Estimator
+    from fullam.control.estimators import estimator_names, register_estimator
     from fullam.control.tunable import tunable
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
@@ -76,7 +78,8 @@ LATER = {
     "fullam.control.controllers": (
         *("controller_names", "load_settings", "make_controller", "register"),
     ),
-    "fullam.control.estimators": ("estimator_names",),
+    "fullam.control.estimator": ("Estimator",),
+    "fullam.control.estimators": ("estimator_names", "register_estimator"),
     "fullam.control.tunable": ("tunable",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
@@ -114,6 +117,7 @@ __all__ = [
     "Circle",
     "CirclePath",
     "Controller",
+    "Estimator",
     "FullamError",
     "HoldArm",
     "JointTrajectory",
@@ -147,6 +151,7 @@ __all__ = [
     "external_wrench",
     "fly",
     "fly_many",
+    "load_plugin",
     "load_scenario",
     "load_settings",
     "load_vehicle",
@@ -156,6 +161,7 @@ __all__ = [
     "prepare",
     "refly",
     "register",
+    "register_estimator",
     "register_scenario",
     "scenario_names",
     "simulate",

@@ -9,7 +9,7 @@ from typing import Any
 
 from fullam.analysis.tuned_gains import contender_name, tuned_settings
 from fullam.checks import Checker, shown
-from fullam.control.controllers import load_settings, make_settings
+from fullam.control.controllers import load_settings, make_settings, plain_settings
 from fullam.control.estimators import estimator_class
 from fullam.control.settings_file import SettingsFile
 from fullam.exceptions import CampaignError
@@ -56,7 +56,7 @@ class Contender:
                 f"is {shown(settings)}",
                 "give 'tuned' or a mapping",
             )
-        complete = make_settings(self.controller, settings).to_dict()
+        complete = plain_settings(self.controller, make_settings(self.controller, settings))
         object.__setattr__(self, "settings", complete)
         if self.estimator is not None:
             estimator_class(self.estimator)

@@ -42,6 +42,7 @@ from fullam.analysis.recorded import Figures, Reading, Task
 from fullam.analysis.tuned_gains import contender_name, tuned_names
 from fullam.control.settings_file import SettingsFile
 from fullam.model.loading import load_vehicle
+from fullam.ownership import owner_of
 from fullam.simulation.catalogue import CONFIGURATIONS, TILT_EULER_DEG
 from fullam.simulation.scenario import load_scenario
 from fullam.simulation.weather import PAPER, Weather
@@ -90,6 +91,10 @@ itself speaks of noise and disturbance of 25 mm and 3 deg. So every claim is jud
 without."""
 
 
+TITLES = ("dc-PID", "Backstepping", "dc-PID+ with Kalman filter")
+"""Names of the paper's contenders in the report; others go by what was typed."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """A contender of the report.
@@ -105,11 +110,12 @@ class Entry:
     judged: bool
 
 
-def entries(files: Sequence[SettingsFile] = ()) -> tuple[Entry, ...]:
+def entries(files: Sequence[SettingsFile] = (), own: Sequence[str] = ()) -> tuple[Entry, ...]:
     """dc-PID as in the paper, its rival, dc-PID+ with the Kalman filter; tuned where committed.
 
     Args:
         files: Settings in the place of those.
+        own: More that are judged by the same claims, as in `Contender.parse`.
 
     Raises:
         CampaignError: Settings of a controller that does not take part.
@@ -119,12 +125,14 @@ def entries(files: Sequence[SettingsFile] = ()) -> tuple[Entry, ...]:
         tuned = contender_name(controller, estimator) in tuned_names()
         return Contender(controller, "tuned" if tuned else {}, estimator)
 
-    contenders = contender("dc-pid"), contender(RIVAL), contender("dc-pid-plus", "kalman")
-    subject, rival, plus = with_files(contenders, files)
+    papers = contender("dc-pid"), contender(RIVAL), contender("dc-pid-plus", "kalman")
+    named = (*papers, *map(Contender.parse, own))
+    subject, rival, plus, *others = with_files(named, files)
     return (
-        Entry("dc-PID", subject, True),
-        Entry("Backstepping", rival, False),
-        Entry("dc-PID+ with Kalman filter", plus, True),
+        Entry(TITLES[0], subject, True),
+        Entry(TITLES[1], rival, False),
+        Entry(TITLES[2], plus, True),
+        *(Entry(name, contender, True) for name, contender in zip(own, others, strict=True)),
     )
 
 
@@ -238,7 +246,7 @@ def reproduce(
     return Reproduction(
         runs,
         quick,
-        f"fullam reproduce {'--quick' if quick else f'--runs {runs}'}{_options(contenders)}",
+        f"fullam reproduce {'--quick' if quick else f'--runs {runs}'}{_typed(contenders)}",
         contenders,
         tables,
         quadrotor,
@@ -252,6 +260,15 @@ def reproduce(
             Path(folder) / "data" / "recorded.journal", 2 if quick else RECORDED_SEEDS, tell
         ),
     )
+
+
+def _typed(contenders: tuple[Entry, ...]) -> str:
+    """What stands on a command line for files of settings and laws that are not the paper's."""
+    own = [entry.title for entry in contenders if entry.title not in TITLES]
+    plugins = [owner_of("controller", name.partition("@")[0]) for name in own]
+    files = dict.fromkeys(f" --plugin {plugin.name}" for plugin in plugins if plugin is not None)
+    named = f" --controllers {','.join(own)}" if own else ""
+    return "".join([named, *files, _options(contenders)])
 
 
 def rivals(contenders: tuple[Entry, ...]) -> dict[str, str]:
@@ -273,10 +290,12 @@ def command(claim: Claim, entry: Entry, condition: Condition, runs: int) -> str:
     name = contender_name(entry.contender.controller, entry.contender.estimator)
     names = f"{name},{RIVAL}" if rival else name
     tuned = " --tuned" if name in tuned_names() else ""
+    owner = owner_of("controller", entry.contender.controller)
+    plugin = f" --plugin {owner.name}" if owner else ""
     return (
         f"fullam sweep {','.join(scenarios)} --controllers {names}{tuned}"
         f"{_options((entry,))} --runs {runs}"
-        f"{condition.option} --out {claim.key}.parquet"
+        f"{condition.option} --out {claim.key}.parquet{plugin}"
     )
 
 

@@ -12,6 +12,7 @@ from fullam.analysis.tuned_gains import contender_name
 from fullam.analysis.tuning_flights import TuningFlights
 from fullam.files import atomic_path
 from fullam.model.writing import toml_text
+from fullam.ownership import owner_of
 from fullam.version import __version__
 
 
@@ -103,6 +104,9 @@ class Tuning:
     def command(self) -> str:
         """The command that finds it again."""
         words = ["fullam", "tune", self.name, *self.flights.arguments()]
+        plugin = owner_of("controller", self.controller)
+        if plugin is not None:
+            words += ["--plugin", plugin.name]
         if self.origin is not None:
             words += ["--settings", self.origin]
         return shlex.join([*words, "--budget", str(self.budget), "--seed", str(self.seed)])

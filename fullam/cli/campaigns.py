@@ -193,6 +193,13 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
     argument("--out", type=Path, default=Path("report"), metavar="FOLDER", help="default: report"),
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
     options.SETTINGS_FILES,
+    argument(
+        "--controllers",
+        type=options.names,
+        default=[],
+        metavar="A,B",
+        help="more laws, of your own too, judged by the same claims; NAME or NAME@ESTIMATOR",
+    ),
     JOBS,
     *SCHEDULER,
     ANY_DRIVER,
@@ -217,7 +224,9 @@ def reproduce(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             scheduler=scheduler(arguments),
             driver=arguments.driver,
-            contenders=entries([load_settings(path) for path in arguments.settings]),
+            contenders=entries(
+                [load_settings(path) for path in arguments.settings], arguments.controllers
+            ),
             progress=progress,
         )
     page = write_report(result, arguments.out)

@@ -241,7 +241,8 @@ def has_rows(run: Run) -> bool:
 def identity(run: Run) -> dict[str, Any]:
     """What was flown, for machines."""
     metadata = run.metadata
-    return {
+    plugins = {"plugins": run.plugins} if run.plugins else {}
+    return plugins | {
         "scenario": metadata["scenario"]["name"],
         "vehicle": metadata["vehicle"]["definition"]["name"],
         **{name: metadata[name] for name in ("controller", "settings", "seed", "driver")},

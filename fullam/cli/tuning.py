@@ -148,10 +148,11 @@ def report(best: Tuning, arguments: argparse.Namespace) -> None:
     if arguments.out is None:
         say(f"\n{best.to_toml().rstrip()}")
         return
-    vehicle = f" --vehicle {arguments.vehicle}" if arguments.vehicle else ""
+    more = f" --vehicle {arguments.vehicle}" if arguments.vehicle else ""
+    more += "".join(f" --plugin {source}" for source in arguments.plugin)
     name = arguments.scenario[0] if arguments.scenario else flights.flown[0].name
     say(f"\nsettings saved to {arguments.out}; fly them:")
-    say(f"fullam run {name}{vehicle} --settings {arguments.out}")
+    say(f"fullam run {name}{more} --settings {arguments.out}")
 
 
 def _text(value: object) -> str:

@@ -16,7 +16,9 @@ from fullam.control.pid import Pid
 from fullam.control.settings_file import SettingsFile, read_settings
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
-from fullam.registry import Registry
+from fullam.plain_values import from_plain, to_plain
+from fullam.plugins import discover
+from fullam.registry import Registry, check_class
 
 LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, Backstepping, ComputedWrench)
 """Those that come with fullam."""
@@ -28,9 +30,14 @@ ControllerType = TypeVar("ControllerType", bound=type[Controller])
 
 
 def register(name: str) -> Callable[[ControllerType], ControllerType]:
-    """Class decorator: make a controller known under `name`."""
+    """Class decorator: make a controller known under `name`.
+
+    Raises:
+        SettingsError: What it decorates is no whole `Controller`, or its settings lack a default.
+    """
 
     def add(cls: ControllerType) -> ControllerType:
+        check_class(cls, Controller, f"controller '{name}'")
         cls.name = name
         CONTROLLERS[name] = cls
         return cls
@@ -39,7 +46,8 @@ def register(name: str) -> Callable[[ControllerType], ControllerType]:
 
 
 def controller_names() -> tuple[str, ...]:
-    """Names of the registered controllers, sorted."""
+    """Names of the registered controllers, sorted; those of installed plugins too."""
+    discover()
     return tuple(sorted(CONTROLLERS))
 
 
@@ -72,7 +80,16 @@ def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:
     if isinstance(changes, SettingsFile):
         return changes.settings_of(name, controller_class(name).Settings)
     check = Checker(f"controller '{name}'", SettingsError)
-    return check.settings(controller_class(name).Settings, changes)
+    return from_plain(controller_class(name).Settings, changes, check)
+
+
+def plain_settings(name: str, settings: Any) -> dict[str, Any]:
+    """Settings of the controller `name` as JSON values; `make_settings` is the inverse.
+
+    Raises:
+        SettingsError: A value that cannot be saved; the message names the field and what can.
+    """
+    return to_plain(settings, Checker(f"controller '{name}'", SettingsError))
 
 
 def load_settings(path: str | Path) -> SettingsFile:
@@ -91,7 +108,7 @@ def load_settings(path: str | Path) -> SettingsFile:
                 file.path,
                 "controller",
                 f"'{file.controller}' is not known",
-                f"bring it along if it is your own; known are {', '.join(known)}",
+                f"bring your own along (--plugin FILE.py); known are {', '.join(known)}",
             )
         make_settings(file.controller, file)
     return file

@@ -26,6 +26,7 @@ import numpy as np
 from fullam.checks import Checker, read_toml, shown
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
+from fullam.plain_values import from_plain
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ class SettingsFile(Mapping[str, Any]):
         check.known(self.changes, tuple(known), "setting")
         values = {name: _fitting(check, known[name], v) for name, v in self.changes.items()}
         try:
-            return check.settings(cls, values)
+            return from_plain(cls, values, check)
         except SettingsError as error:
             if error.where == check.where:
                 raise

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
-from fullam.control.controllers import controller_class, recommended_estimator
+from fullam.control.controllers import controller_class, plain_settings, recommended_estimator
 from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.control.trim import Trim
@@ -96,8 +96,10 @@ class FlightPlan:
                 memory or a motion of one's own more rows than fit into a record, or the seed is no
                 whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
+            SettingsError: The controller's settings hold what cannot be saved.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        plain_settings(controller, settings)  # what no record can keep is refused before take-off
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
         scenario = with_tool_solved(scenario, vehicle)
