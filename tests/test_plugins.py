@@ -380,6 +380,12 @@ def test_new_estimator_flies(law):
     assert run.plugins[0]["flew"] == ["estimator own-filter"]
 
 
+@pytest.mark.parametrize("file", ["memory.py", "command.py", "_2.py", "none.py", "law.py"])
+def test_new_finds_names_that_python_and_the_text_do_not_use(law, file):
+    assert main(["new", "controller", file, "--kernel"]) == 0
+    assert load_plugin(file).__file__.endswith(file)
+
+
 def test_what_new_writes_passes_the_linter(law):
     kinds = {"a_law.py": ["controller"], "b_law.py": ["controller", "--kernel"]}
     for file, (kind, *more) in (kinds | {"c_filter.py": ["estimator"]}).items():
