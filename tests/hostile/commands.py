@@ -33,7 +33,7 @@ OPTIONS = {
                 "--figure --driver --calm --json"),
     "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
               "--weather"),
-    "list": "--json",
+    "list": "--json --plugin",
     "equations": "--json",
     "plot": "--what --out",
     "view": "--controller --seed --offset --speed --port --wait --at --vehicle --calm",
