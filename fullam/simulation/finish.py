@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.controllers import plain_settings
+from fullam.control.trim import Trim
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
@@ -72,9 +73,15 @@ def finish(
         "driver": driver,
         "versions": _versions(driver),
         **({"plugins": plugins} if plugins else {}),
+        **trim_data(plan.trim),
         **more,
     }
     return Run({name: out[name] for name in COLUMNS}, metadata)
+
+
+def trim_data(trim: Trim | None) -> dict[str, Any]:
+    """What metadata say of a vehicle with failed rotors: "trim", see `Trim`; nothing of others."""
+    return {} if trim is None else {"trim": trim.to_dict()}
 
 
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite")
