@@ -16,6 +16,7 @@ file only if it is installed there.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import importlib.util
@@ -29,7 +30,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fullam.checks import shown
+from fullam.checks import MOST_FILE_BYTES, shown
 from fullam.exceptions import FullamWarning, PluginError
 from fullam.ownership import LOADED, LOADING, OWNERS, Plugin, classes_of, restore, withdraw
 
@@ -92,13 +93,16 @@ _DISCOVERED: list[bool] = []
 
 
 def _load_file(path: Path, name: str = "") -> Plugin:
+    remedy = "give a Python file; `fullam new controller my_law.py` writes one that flies"
     try:
+        if not path.is_file():
+            problem = "is no file" if path.exists() else "does not exist"
+            raise PluginError(str(path), "plugin", problem, remedy)
+        if path.stat().st_size > MOST_FILE_BYTES:
+            raise PluginError(str(path), "plugin", "is too large to be a program", remedy)
         source, text = str(path.resolve()), path.read_bytes()
     except (OSError, ValueError) as error:
-        problem = "does not exist" if isinstance(error, FileNotFoundError) else None
-        problem = problem or f"cannot be read ({error})"
-        remedy = "give a Python file; `fullam new controller my_law.py` writes one that flies"
-        raise PluginError(str(path), "plugin", problem, remedy) from error
+        raise PluginError(str(path), "plugin", f"cannot be read ({error})", remedy) from error
     return load_text(source, text, name)
 
 
@@ -212,14 +216,7 @@ def load_module(name: str, installed: bool = False) -> Plugin:
     """Load a module by its name; `installed` if its entry point told of it."""
     if name in LOADED:
         return LOADED[name]
-    try:
-        spec = importlib.util.find_spec(name)
-    except (ImportError, ValueError, AttributeError):
-        spec = None
-    if spec is None:
-        near = Path(f"{name}.py")
-        remedy = f"give {near}" if near.is_file() else "install it, or give the path of a file"
-        raise PluginError(name, "plugin", "is no module that can be imported", remedy)
+    spec = _spec_of(name)
     origin = spec.origin or ""
     if origin.endswith(".py") and "." not in name and not (installed or _is_installed(spec)):
         return _load_file(Path(origin), name)
@@ -238,6 +235,30 @@ def load_module(name: str, installed: bool = False) -> Plugin:
         object.__setattr__(plugin, "module", importlib.import_module(name))
 
     return _register(plugin, execute)
+
+
+def _spec_of(name: str) -> Any:
+    """Where a module is.
+
+    Raises:
+        PluginError: There is none, or the package that it is of raises.
+    """
+    remedy = "install it, or give the path of a file"
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise PluginError(shown(name), "plugin", "is neither a .py file nor a module", remedy)
+    if name.partition(".")[0] == "fullam":
+        raise PluginError(name, "plugin", "comes with fullam", "leave it out")
+    try:
+        spec = importlib.util.find_spec(name)
+    except (ModuleNotFoundError, ValueError):
+        spec = None
+    except Exception as error:  # of the package around it, which is imported to look into it
+        raise PluginError(name, type(error).__name__, str(error), "mend it there") from error
+    if spec is None:
+        with contextlib.suppress(OSError):
+            remedy = f"give {name}.py" if Path(f"{name}.py").is_file() else remedy
+        raise PluginError(shown(name), "plugin", "is no module that can be imported", remedy)
+    return spec
 
 
 def _is_installed(spec: Any) -> bool:

@@ -153,8 +153,12 @@ def test_a_name_of_another_plugin_is_not_taken_over(law):
     ("source", "says"),
     [
         ("missing.py", "missing.py: plugin: does not exist; .*fullam new controller"),
-        (".", "is no module"),
-        ("./", "cannot be read"),
+        (".", "is neither a .py file nor a module"),
+        ("x" * 5000, "is no module"),
+        ("a\0b.py", "does not exist"),
+        ("fullam.control", "comes with fullam"),
+        ("./", "is no file"),
+        ("/dev/zero", "is no file"),
         ("no_such_module", "is no module that can be imported; install it"),
         ("own_law", "give own_law.py"),
         (3, "is 3; give the path"),
@@ -378,6 +382,12 @@ def test_new_estimator_flies(law):
     # Poses with noise, late, every other period: of a vehicle that flies at 2 m/s.
     assert error < 0.06
     assert run.plugins[0]["flew"] == ["estimator own-filter"]
+
+
+@pytest.mark.parametrize("file", ["memory.py", "command.py", "_2.py", "none.py", "law.py"])
+def test_new_finds_names_that_python_and_the_text_do_not_use(law, file):
+    assert main(["new", "controller", file, "--kernel"]) == 0
+    assert load_plugin(file).__file__.endswith(file)
 
 
 def test_what_new_writes_passes_the_linter(law):

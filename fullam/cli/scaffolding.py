@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import keyword
+import re
+import shlex
 from pathlib import Path
 
 from fullam.cli.output import say
@@ -23,8 +26,8 @@ NEXT = {
         "fullam sweep task-2 --plugin {file} --controllers {name} --runs 20 --out {stem}.parquet",
     ),
     "estimator": (
-        "fullam run position-1 --plugin {file} --controller dc-pid --estimator {name}",
-        "fullam sweep task-2 --plugin {file} --controllers dc-pid@{name} --out {stem}.parquet",
+        "fullam run position-1 --plugin {file} --controller dc-pid-plus --estimator {name}",
+        "fullam sweep task-2 --plugin {file} --controllers dc-pid-plus@{name} --out {stem}.parquet",
     ),
 }
 """What to type next."""
@@ -63,7 +66,7 @@ def new(arguments: argparse.Namespace) -> int:
     refuse_taken(kind, name, path)
     template = "kernel_controller" if arguments.kernel else kind
     text = (TEMPLATES / f"{template}.py").read_text(encoding="utf-8")
-    for old, mine in zip(CALLED[kind], (name, class_name(name)), strict=True):
+    for old, mine in zip(CALLED[kind], (name, class_name(name, text)), strict=True):
         text = text.replace(old, mine)
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -72,7 +75,7 @@ def new(arguments: argparse.Namespace) -> int:
         raise PluginError(str(path), "file", "exists", "give another name") from error
     say(f"{path}: the {kind} '{name}', which flies as it is. Next:\n")
     for line in NEXT[kind]:
-        say(f"  {line.format(file=path, name=name, stem=path.stem)}")
+        say(f"  {line.format(file=shlex.quote(str(path)), name=name, stem=path.stem)}")
     return OK
 
 
@@ -86,7 +89,8 @@ def refuse_taken(kind: str, name: str, path: Path) -> None:
         raise PluginError(str(path), "name", problem, "give another name")
 
 
-def class_name(name: str) -> str:
-    """my-law -> MyLaw."""
+def class_name(name: str, text: str) -> str:
+    """my-law -> MyLaw; OwnMemory for what the text calls Memory already, or Python cannot."""
     word = "".join(part.capitalize() for part in name.split("-"))
-    return word if word[:1].isalpha() else f"Own{word}"
+    taken = keyword.iskeyword(word) or re.search(rf"\b{word}\b", text)
+    return word if word.isidentifier() and not taken else f"Own{word}"

@@ -151,7 +151,7 @@ def test_sweep_flies_a_plugin_on_processes_and_a_changed_one_is_not_mixed_in(law
     assert main([*typed, "--runs", "1", *out, "--overwrite"]) == 0
 
 
-def test_compare_and_check_fly_a_plugin(law, capsys):
+def test_list_compare_and_view_know_a_plugin(law, capsys):
     flags = ["--plugin", str(law)]
     assert main(["list", *flags]) == 0
     assert "[sent_law.py]" in capsys.readouterr().out
@@ -159,6 +159,9 @@ def test_compare_and_check_fly_a_plugin(law, capsys):
     scenario.write_text('name = "brief"\nduration = 0.2\n', encoding="utf-8")
     assert main(["compare", str(scenario), *flags, "--controllers", "sent-law,pid", "--calm"]) == 0
     assert "sent-law" in capsys.readouterr().out
+    view = ["view", str(scenario), *flags, "--controller", "sent-law", "--calm"]
+    assert main([*view, "--html", "flight.html"]) == 0
+    assert law.with_name("flight.html").stat().st_size > 1e5
 
 
 def test_reproduce_judges_a_law_of_ones_own(law):

@@ -33,7 +33,7 @@ OPTIONS = {
                 "--shape --failed --figure --driver --calm --json"),
     "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather --failed"),
-    "list": "--json",
+    "list": "--json --plugin",
     "equations": "--json",
     "plot": "--what --out",
     "view": ("--controller --settings --seed --offset --speed --port --wait --at --vehicle "
