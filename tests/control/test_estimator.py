@@ -30,7 +30,7 @@ NOISY = {
 
 def readings_of(pose, *others):
     """A record of the pose alone, or with velocity, gyroscope and accelerometer."""
-    return record(Readings, np.concatenate([pose, *(others or [np.zeros(12)])]))
+    return record(Readings, np.concatenate([pose, *(others or [np.zeros(12)]), [1.0]]))
 
 
 def follow(estimator, poses):
