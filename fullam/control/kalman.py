@@ -26,7 +26,7 @@ There are no biases among the states. Behind sensors that have some, as those in
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -66,6 +66,7 @@ class KalmanSettings(EstimatorSettings):
         initial_speed: Standard deviation of the velocity at the start, which is from rest [m/s].
     """
 
+    estimator: ClassVar[str] = "kalman"
     least_pose_noise: tuple[float, float] = (1e-4, 1e-4)
     sampling_noise: tuple[float, float] = (0.0005, 0.01)
     initial_speed: float = 0.01
@@ -73,15 +74,19 @@ class KalmanSettings(EstimatorSettings):
     def __post_init__(self) -> None:
         """Check the numbers; lists become tuples."""
         for field, count in (("least_pose_noise", 2), ("sampling_noise", 2), ("initial_speed", 1)):
-            values = np.asarray(getattr(self, field), dtype=float)
-            if values.size != count or not np.all((values > 0.0) & (values < np.inf)):
-                raise SettingsError(
-                    "estimator 'kalman'",
-                    field,
-                    f"is {getattr(self, field)!r}",
-                    f"give {'two numbers' if count == 2 else 'a number'} above 0",
-                )
-            object.__setattr__(self, field, tuple(values.tolist()) if count == 2 else float(values))
+            self._become(field, count)
+
+    def _become(self, field: str, count: int, least: float = 0.0) -> None:
+        """Make a field so many numbers above the least, or say what is wrong."""
+        values = np.asarray(getattr(self, field), dtype=float)
+        if values.size != count or not np.all((values > least) & (values < np.inf)):
+            raise SettingsError(
+                f"estimator '{self.estimator}'",
+                field,
+                f"is {getattr(self, field)!r}",
+                f"give {'two numbers' if count == 2 else 'a number'} above {least:g}",
+            )
+        object.__setattr__(self, field, tuple(values.tolist()) if count == 2 else float(values))
 
 
 class KalmanNumbers(NamedTuple):

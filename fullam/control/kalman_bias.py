@@ -1,0 +1,510 @@
+"""Error-state Kalman filter on SE(3) that finds out the bias of gyroscope and accelerometer.
+
+The estimate of `kalman`, and beside it the biases b_w and b_f of what the two sensors read. Its
+error is the fifteen numbers
+
+    x = [p_true - p; log(R^T R_true); v_true - v; b_w,true - b_w; b_f,true - b_f]
+
+of which the last six are in {A} axes. The estimate is carried by readings less their biases, as
+there, and the error by F, which is that of `kalman` with the effect of the biases beside it,
+
+    F = [F9, G; 0, 1],   G = [0, -T^2/2 R; -T 1, 0; 0, -T R],   P+ = F P F^T + Q.
+
+**Rest.** At the start the vehicle is at rest, so the gyroscope reads its bias, and the accelerometer
+-R^T g and its bias: one reading of each is taken in as a measurement.
+
+**Scale.** A scale error s is a bias s x that moves with the true value x. It is no state; but where
+x is off its own recent mean m, in which the bias has been found, s (x - m) is a bias that nobody
+has seen yet. Q credits the bias with it as with a first-order process of that deviation and of the
+time constant of the mean, tau: (sigma_s (x - m))^2 2 T / tau in a period.
+
+**Outliers.** A pose is taken in only where its innovation y is plausible,
+
+    y^T (H P H^T + N)^-1 y <= gate,   chi-square with six degrees of freedom.
+
+After a gap P has grown, and the gate with it. A filter that is surer than it is right would reject
+for ever: so after some rejections in a row each further one multiplies P, and before long, whatever
+the distance, a pose is taken again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+from fullam.control.estimator import Inertial, KernelEstimator
+from fullam.control.kalman import (
+    Error,
+    InertialPose,
+    Kalman,
+    KalmanSettings,
+    Step,
+    carry,
+    carry_error,
+    step_between,
+)
+from fullam.control.signals import Estimate
+from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
+from fullam.dynamics.spatial import Pose, Spatial
+from fullam.numbers.kernel import Number, both, kernel, select, some
+from fullam.numbers.records import Rows
+from fullam.numbers.vectors import (
+    ZERO,
+    Matrix,
+    add,
+    axpy,
+    multiply,
+    rotate,
+    scale,
+    subtract,
+)
+
+STATES, READ = 15, 6
+"""Entries of the error, and of a pose."""
+
+
+@dataclass(frozen=True)
+class KalmanBiasSettings(KalmanSettings):
+    """Settings of the filter, beside those of `Kalman` and what the `Datasheet` states.
+
+    Attributes:
+        initial_motion: Standard deviations of rate and acceleration at the start, which is at rest
+            [rad/s, m/s^2].
+        scale_time: Time constant tau with which a scale error becomes part of the bias [s].
+        gate: Squared Mahalanobis distance beyond which a pose is an outlier: 27.9 is exceeded by
+            one sound pose in 10 000.
+        patience: How many poses in a row may be rejected before P grows.
+        growth: By what each further rejection multiplies P.
+    """
+
+    estimator: ClassVar[str] = "kalman-bias"
+    initial_motion: tuple[float, float] = (0.002, 0.02)
+    scale_time: float = 0.5
+    gate: float = 27.9
+    patience: float = 4.0
+    growth: float = 3.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers; lists become tuples."""
+        super().__post_init__()
+        self._become("initial_motion", 2)
+        for field in ("scale_time", "gate"):
+            self._become(field, 1)
+        self._become("patience", 1, least=-1.0)
+        self._become("growth", 1, least=1.0)
+
+
+class KalmanBiasNumbers(NamedTuple):
+    """Rates, gravity, variances and the gate.
+
+    The first ten are those of `KalmanNumbers`. Then variances at the start, of both biases and of
+    what the readings there are off; variances that a period adds to the biases; the same by the
+    square of how far a reading is off its mean; share of a reading in that mean; and the gate.
+    """
+
+    every: Number
+    period: Number
+    gravity: Number
+    position: Number
+    mixed: Number
+    velocity: Number
+    attitude: Number
+    read_position: Number
+    read_attitude: Number
+    start: Number
+    start_bias: tuple[Number, Number]
+    start_noise: tuple[Number, Number]
+    drift: tuple[Number, Number]
+    scale: tuple[Number, Number]
+    share: Number
+    gate: Number
+    patience: Number
+    growth: Number
+
+
+class Flying(NamedTuple):
+    """Pose, velocity and the inertial readings there, less the biases; the biases; and their means.
+
+    The means are of the readings less biases, over the last `scale_time`.
+    """
+
+    now: InertialPose
+    bias: Inertial
+    mean: Inertial
+
+
+class BiasStep(NamedTuple):
+    """What F is made of: F9, and d v+ / d b_f = -T R."""
+
+    motion: Step
+    pull: Matrix
+
+
+class BiasMemory(NamedTuple):
+    """Rows.
+
+    The estimate at the time of the poses, one `Flying`; P, fifteen rows of as many numbers; the
+    `Inertial` readings since, one more than the age of a pose; room to take a pose in: its
+    innovation (6), the correction (15), a column of P (15), the factors of the innovation's
+    covariance (6 x 6); and how many poses in a row were rejected.
+    """
+
+    late: Any
+    covariance: Any
+    waiting: Any
+    innovation: Any
+    correction: Any
+    column: Any
+    factor: Any
+    rejected: Any
+
+
+@kernel
+def kalman_bias(numbers, memory, readings, k):
+    """Carry the estimate to this period and take in a new pose; see `kalman` for late poses."""
+    late, waiting = memory.late, memory.waiting
+    span = len(waiting)
+    waiting[k % span] = Inertial(readings.gyroscope, readings.accelerometer)
+    if k == 0:
+        late[0] = begin(numbers, memory, readings)
+    elif k >= span:
+        before = late[0]
+        after = carry_on(numbers, before, waiting[(k + 1) % span])
+        late[0] = after
+        motion = step_between(numbers, before.now, after.now)
+        pull = scale_matrix(-numbers.period, rotation_matrix(after.now.pose.attitude))
+        predict(numbers, memory.covariance, BiasStep(motion, pull), after)
+    if k > 0 and k % int(numbers.every) == 0 and some(readings.is_new > 0.0):
+        late[0] = take(numbers, memory, readings)
+    flying = late[0]
+    for i in range(max(1, k - span + 2), k + 1):
+        flying = carry_on(numbers, flying, waiting[i % span])
+    now = flying.now
+    w = rotate(rotation_matrix(now.pose.attitude), now.inertial.gyroscope)
+    return Estimate(now.pose, Spatial(now.velocity, w))
+
+
+# The estimate.
+
+
+@kernel
+def unbiased(inertial, bias):
+    """Readings less their biases."""
+    return Inertial(
+        subtract(inertial.gyroscope, bias.gyroscope),
+        subtract(inertial.accelerometer, bias.accelerometer),
+    )
+
+
+@kernel
+def carry_on(numbers, flying, reading):
+    """One control period on, to the readings at its end."""
+    inertial = unbiased(reading, flying.bias)
+    mean, s = flying.mean, numbers.share
+    mean = Inertial(
+        axpy(s, subtract(inertial.gyroscope, mean.gyroscope), mean.gyroscope),
+        axpy(s, subtract(inertial.accelerometer, mean.accelerometer), mean.accelerometer),
+    )
+    return Flying(carry(numbers, flying.now, inertial), flying.bias, mean)
+
+
+@kernel
+def corrected(flying, x):
+    """The estimate moved by an error, fifteen numbers."""
+    now, bias = flying.now, flying.bias
+    w, f = (x[9], x[10], x[11]), (x[12], x[13], x[14])
+    pose = Pose(
+        add(now.pose.position, (x[0], x[1], x[2])),
+        boxplus(now.pose.attitude, (x[3], x[4], x[5])),
+    )
+    inertial = Inertial(
+        subtract(now.inertial.gyroscope, w), subtract(now.inertial.accelerometer, f)
+    )
+    moved = InertialPose(pose, add(now.velocity, (x[6], x[7], x[8])), inertial)
+    return Flying(moved, Inertial(add(bias.gyroscope, w), add(bias.accelerometer, f)), flying.mean)
+
+
+# Its error.
+
+
+@kernel
+def scale_matrix(s, a):
+    """Multiple s a of a matrix."""
+    return (
+        s * a[0],
+        s * a[1],
+        s * a[2],
+        s * a[3],
+        s * a[4],
+        s * a[5],
+        s * a[6],
+        s * a[7],
+        s * a[8],
+    )
+
+
+@kernel
+def carry_biased(step, x, w, f):
+    """The first nine entries of F x, for an error x of the motion and errors w, f of the biases."""
+    T, y = step.motion.period, carry_error(step.motion, x)
+    pulled = rotate(step.pull, f)
+    return Error(
+        axpy(0.5 * T, pulled, y.position), axpy(-T, w, y.attitude), add(y.velocity, pulled)
+    )
+
+
+@kernel
+def predict(numbers, P, step, flying):
+    """P becomes F P F^T + Q, symmetric to the last bit: the upper triangle mirrors the lower."""
+    for j in range(15):
+        y = carry_biased(
+            step,
+            Error(
+                (P[0][j], P[1][j], P[2][j]),
+                (P[3][j], P[4][j], P[5][j]),
+                (P[6][j], P[7][j], P[8][j]),
+            ),
+            (P[9][j], P[10][j], P[11][j]),
+            (P[12][j], P[13][j], P[14][j]),
+        )
+        P[0][j], P[1][j], P[2][j] = y.position
+        P[3][j], P[4][j], P[5][j] = y.attitude
+        P[6][j], P[7][j], P[8][j] = y.velocity
+    for i in range(9):
+        row = P[i]
+        y = carry_biased(
+            step,
+            Error((row[0], row[1], row[2]), (row[3], row[4], row[5]), (row[6], row[7], row[8])),
+            (row[9], row[10], row[11]),
+            (row[12], row[13], row[14]),
+        )
+        row[0], row[1], row[2] = y.position
+        row[3], row[4], row[5] = y.attitude
+        row[6], row[7], row[8] = y.velocity
+        for j in range(i):
+            P[j][i] = row[j]
+        for j in range(9, 15):
+            P[j][i] = row[j]
+    for i in range(3):
+        P[i][i] = P[i][i] + numbers.position
+        P[3 + i][3 + i] = P[3 + i][3 + i] + numbers.attitude
+        P[6 + i][6 + i] = P[6 + i][6 + i] + numbers.velocity
+        P[i][6 + i] = P[i][6 + i] + numbers.mixed
+        P[6 + i][i] = P[6 + i][i] + numbers.mixed
+    add_drift(numbers, P, flying)
+
+
+@kernel
+def add_drift(numbers, P, flying):
+    """What a period adds to the variances of the biases: drift, and scale errors of a motion."""
+    off = unbiased(flying.now.inertial, flying.mean)
+    w = multiply(off.gyroscope, off.gyroscope)
+    f = multiply(off.accelerometer, off.accelerometer)
+    drift, by_square = numbers.drift, numbers.scale
+    P[9][9] = P[9][9] + (drift[0] + by_square[0] * w[0])
+    P[10][10] = P[10][10] + (drift[0] + by_square[0] * w[1])
+    P[11][11] = P[11][11] + (drift[0] + by_square[0] * w[2])
+    P[12][12] = P[12][12] + (drift[1] + by_square[1] * f[0])
+    P[13][13] = P[13][13] + (drift[1] + by_square[1] * f[1])
+    P[14][14] = P[14][14] + (drift[1] + by_square[1] * f[2])
+
+
+@kernel
+def absorb(P, x, c, weight, surprise):
+    """Take in a number whose error has the covariances c with the state's, in the lower triangle.
+
+    Args:
+        P: Covariance.
+        x: Correction so far.
+        c: Covariances of the state with the number.
+        weight: 1 over the variance of the number as it is read.
+        surprise: What is read less what is expected after the correction so far.
+    """
+    gain = weight * surprise
+    for i in range(15):
+        x[i] = x[i] + c[i] * gain
+        share = weight * c[i]
+        row = P[i]
+        for m in range(i + 1):
+            row[m] = row[m] - share * c[m]
+
+
+@kernel
+def mirror(P):
+    """Have the upper triangle mirror the lower."""
+    for i in range(15):
+        for j in range(i):
+            P[j][i] = P[i][j]
+
+
+# The start.
+
+
+@kernel
+def begin(numbers, memory, readings):
+    """At rest at the first pose: what the inertial sensors read there tells of their biases."""
+    P, x, c = memory.covariance, memory.correction, memory.column
+    memory.rejected[0] = 0.0
+    for i in range(15):
+        x[i] = 0.0
+        for j in range(15):
+            P[i][j] = 0.0
+    for i in range(3):
+        P[i][i] = numbers.read_position
+        P[3 + i][3 + i] = numbers.read_attitude
+        P[6 + i][6 + i] = numbers.start
+        P[9 + i][9 + i] = numbers.start_bias[0]
+        P[12 + i][12 + i] = numbers.start_bias[1]
+    R, w = rotation_matrix(readings.pose.attitude), readings.gyroscope
+    up = scale(numbers.gravity, R[6:9])  # -R^T g; turning R by e turns it by up x e
+    y = subtract(readings.accelerometer, up)
+    for i in range(3):
+        for j in range(15):
+            c[j] = P[j][9 + i]
+        read = w[0] if i == 0 else (w[1] if i == 1 else w[2])
+        absorb(P, x, c, 1.0 / (c[9 + i] + numbers.start_noise[0]), read - x[9 + i])
+        mirror(P)
+    felt(numbers, memory, 0, (0.0, -up[2], up[1]), y[0])
+    felt(numbers, memory, 1, (up[2], 0.0, -up[0]), y[1])
+    felt(numbers, memory, 2, (-up[1], up[0], 0.0), y[2])
+    rest = Inertial(readings.gyroscope, readings.accelerometer)
+    here = Flying(InertialPose(readings.pose, ZERO, rest), Inertial(ZERO, ZERO), rest)
+    begun = corrected(here, x)
+    return Flying(begun.now, begun.bias, begun.now.inertial)
+
+
+@kernel
+def felt(numbers, memory, i, turn, y):
+    """Take in an entry of the accelerometer at rest, which an error e of attitude changes by turn e.
+
+    Args:
+        numbers: `KalmanBiasNumbers`.
+        memory: `BiasMemory`.
+        i: The entry.
+        turn: Row of s(up).
+        y: What it reads, less what it would at the pose that was read.
+    """
+    P, x, c = memory.covariance, memory.correction, memory.column
+    for j in range(15):
+        row = P[j]
+        c[j] = turn[0] * row[3] + turn[1] * row[4] + turn[2] * row[5] + row[12 + i]
+    variance = turn[0] * c[3] + turn[1] * c[4] + turn[2] * c[5] + c[12 + i]
+    expected = turn[0] * x[3] + turn[1] * x[4] + turn[2] * x[5] + x[12 + i]
+    absorb(P, x, c, 1.0 / (variance + numbers.start_noise[1]), y - expected)
+    mirror(P)
+
+
+# A pose.
+
+
+@kernel
+def take(numbers, memory, readings):
+    """Correct estimate and covariance by a new pose, where there is one and it is plausible."""
+    P, y, x, c = memory.covariance, memory.innovation, memory.correction, memory.column
+    flying, reading = memory.late[0], readings.pose
+    pose = flying.now.pose
+    y[0], y[1], y[2] = subtract(reading.position, pose.position)
+    y[3], y[4], y[5] = boxminus(reading.attitude, pose.attitude)
+    is_new = readings.is_new > 0.0
+    plausible = distance(numbers, memory) <= numbers.gate
+    taken = both(is_new, plausible)
+    accept = select(taken, 1.0, 0.0)
+    for i in range(15):
+        x[i] = 0.0
+    for j in range(6):
+        for i in range(15):
+            c[i] = P[j][i] if i < j else P[i][j]
+        weight = accept / (c[j] + (numbers.read_position if j < 3 else numbers.read_attitude))
+        absorb(P, x, c, weight, y[j] - x[j])
+    doubt(numbers, memory, is_new, plausible)
+    mirror(P)
+    return select(taken, corrected(flying, x), flying)
+
+
+@kernel
+def distance(numbers, memory):
+    """Squared Mahalanobis distance y^T S^-1 y of a pose, by S = L D L^T."""
+    P, y, L, z = memory.covariance, memory.innovation, memory.factor, memory.column
+    total = 0.0 * y[0]
+    for i in range(6):
+        z[i] = y[i]
+        for j in range(i + 1):
+            s = P[i][j]
+            if i == j:
+                s = s + (numbers.read_position if i < 3 else numbers.read_attitude)
+            for m in range(j):
+                s = s - L[i][m] * L[j][m] * L[m][m]
+            L[i][j] = s if i == j else s / L[j][j]
+        for m in range(i):
+            z[i] = z[i] - L[i][m] * z[m]
+        total = total + z[i] * z[i] / L[i][i]
+    return total
+
+
+@kernel
+def doubt(numbers, memory, is_new, plausible):
+    """Count rejections in a row, and let P grow after some of them."""
+    P, count = memory.covariance, memory.rejected[0]
+    count = select(is_new, select(plausible, 0.0, count + 1.0), count)
+    memory.rejected[0] = count
+    many = both(is_new, count > numbers.patience)
+    if some(many):
+        growth = select(many, numbers.growth, 1.0)
+        for i in range(15):
+            row = P[i]
+            for j in range(i + 1):
+                row[j] = row[j] * growth
+
+
+class KalmanBias(KernelEstimator):
+    """Error-state Kalman filter with bias states, by its `Datasheet`; rejects outliers."""
+
+    name = "kalman-bias"
+    Settings = KalmanBiasSettings
+    settings: KalmanBiasSettings
+    needs_inertial = True
+    knows_bias = True
+    kernel = staticmethod(kalman_bias)
+
+    def numbers(self) -> KalmanBiasNumbers:
+        """See `KalmanBiasNumbers`."""
+        sheet, s, T = self.datasheet, self.settings, self.period
+        common = Kalman(sheet, KalmanSettings(*(getattr(s, f) for f in SHARED)), T).numbers()
+        # At rest the scale error of the accelerometer is a bias, too.
+        start = (
+            sheet.gyroscope_bias**2,
+            (sheet.accelerometer_bias**2 + (sheet.accelerometer_scale * sheet.gravity) ** 2),
+        )
+        noise = sheet.gyroscope_noise, sheet.accelerometer_noise
+        share = min(1.0, T / s.scale_time)
+        return KalmanBiasNumbers(
+            *common,
+            start_bias=start,
+            start_noise=tuple(n**2 + m**2 for n, m in zip(noise, s.initial_motion, strict=True)),
+            drift=(T * sheet.gyroscope_drift**2, T * sheet.accelerometer_drift**2),
+            scale=(
+                2.0 * share * sheet.gyroscope_scale**2,
+                2.0 * share * sheet.accelerometer_scale**2,
+            ),
+            share=share,
+            gate=s.gate,
+            patience=s.patience,
+            growth=s.growth,
+        )
+
+    def memory(self, lanes: int = 0) -> BiasMemory:
+        """Room, to be filled in the first period."""
+        return BiasMemory(
+            Rows.empty(Flying, 1, lanes=lanes),
+            Rows.empty(float, STATES, STATES, lanes=lanes),
+            Rows.empty(Inertial, self.datasheet.delay_periods + 1, lanes=lanes),
+            Rows.empty(float, READ, lanes=lanes),
+            Rows.empty(float, STATES, lanes=lanes),
+            Rows.empty(float, STATES, lanes=lanes),
+            Rows.empty(float, READ, READ, lanes=lanes),
+            Rows.empty(float, 1, lanes=lanes),
+        )
+
+
+SHARED = ("least_pose_noise", "sampling_noise", "initial_speed")
+"""Settings that both filters have."""
