@@ -79,7 +79,7 @@ class KalmanBiasSettings(KalmanSettings):
 
     estimator: ClassVar[str] = "kalman-bias"
     initial_motion: tuple[float, float] = (0.002, 0.02)
-    scale_time: float = 0.5
+    scale_time: float = 0.3
     gate: float = 27.9
     patience: float = 4.0
     growth: float = 3.0
@@ -123,14 +123,15 @@ class KalmanBiasNumbers(NamedTuple):
 
 
 class Flying(NamedTuple):
-    """Pose, velocity and the inertial readings there, less the biases; the biases; and their means.
+    """Pose, velocity and the inertial readings there, less the biases; and the biases.
 
-    The means are of the readings less biases, over the last `scale_time`.
+    Then the mean of the readings less biases, over the last `scale_time`, and the mean of that.
     """
 
     now: InertialPose
     bias: Inertial
     mean: Inertial
+    slow: Inertial
 
 
 class BiasStep(NamedTuple):
@@ -199,13 +200,19 @@ def unbiased(inertial, bias):
 @kernel
 def carry_on(numbers, flying, reading):
     """One control period on, to the readings at its end."""
-    inertial = unbiased(reading, flying.bias)
-    mean, s = flying.mean, numbers.share
-    mean = Inertial(
-        axpy(s, subtract(inertial.gyroscope, mean.gyroscope), mean.gyroscope),
-        axpy(s, subtract(inertial.accelerometer, mean.accelerometer), mean.accelerometer),
+    inertial, share = unbiased(reading, flying.bias), numbers.share
+    mean = nearer(share, flying.mean, inertial)
+    slow = nearer(share, flying.slow, mean)
+    return Flying(carry(numbers, flying.now, inertial), flying.bias, mean, slow)
+
+
+@kernel
+def nearer(share, a, b):
+    """Moved from a by a share of the way to b."""
+    return Inertial(
+        axpy(share, subtract(b.gyroscope, a.gyroscope), a.gyroscope),
+        axpy(share, subtract(b.accelerometer, a.accelerometer), a.accelerometer),
     )
-    return Flying(carry(numbers, flying.now, inertial), flying.bias, mean)
 
 
 @kernel
@@ -221,7 +228,8 @@ def corrected(flying, x):
         subtract(now.inertial.gyroscope, w), subtract(now.inertial.accelerometer, f)
     )
     moved = InertialPose(pose, add(now.velocity, (x[6], x[7], x[8])), inertial)
-    return Flying(moved, Inertial(add(bias.gyroscope, w), add(bias.accelerometer, f)), flying.mean)
+    bias = Inertial(add(bias.gyroscope, w), add(bias.accelerometer, f))
+    return Flying(moved, bias, flying.mean, flying.slow)
 
 
 # Its error.
@@ -297,7 +305,7 @@ def predict(numbers, P, step, flying):
 @kernel
 def add_drift(numbers, P, flying):
     """What a period adds to the variances of the biases: drift, and scale errors of a motion."""
-    off = unbiased(flying.now.inertial, flying.mean)
+    off = unbiased(flying.mean, flying.slow)
     w = multiply(off.gyroscope, off.gyroscope)
     f = multiply(off.accelerometer, off.accelerometer)
     drift, by_square = numbers.drift, numbers.scale
@@ -368,9 +376,9 @@ def begin(numbers, memory, readings):
     felt(numbers, memory, 1, (up[2], 0.0, -up[0]), y[1])
     felt(numbers, memory, 2, (-up[1], up[0], 0.0), y[2])
     rest = Inertial(readings.gyroscope, readings.accelerometer)
-    here = Flying(InertialPose(readings.pose, ZERO, rest), Inertial(ZERO, ZERO), rest)
+    here = Flying(InertialPose(readings.pose, ZERO, rest), Inertial(ZERO, ZERO), rest, rest)
     begun = corrected(here, x)
-    return Flying(begun.now, begun.bias, begun.now.inertial)
+    return Flying(begun.now, begun.bias, begun.now.inertial, begun.now.inertial)
 
 
 @kernel
@@ -483,8 +491,8 @@ class KalmanBias(KernelEstimator):
             start_noise=tuple(n**2 + m**2 for n, m in zip(noise, s.initial_motion, strict=True)),
             drift=(T * sheet.gyroscope_drift**2, T * sheet.accelerometer_drift**2),
             scale=(
-                2.0 * share * sheet.gyroscope_scale**2,
-                2.0 * share * sheet.accelerometer_scale**2,
+                4.0 * share * sheet.gyroscope_scale**2,
+                4.0 * share * sheet.accelerometer_scale**2,
             ),
             share=share,
             gate=s.gate,
