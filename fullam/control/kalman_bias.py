@@ -1,30 +1,22 @@
 """Error-state Kalman filter on SE(3) that finds out the bias of gyroscope and accelerometer.
 
-The estimate of `kalman`, and beside it the biases b_w and b_f of what the two sensors read. Its
-error is the fifteen numbers
+The estimate is that of `kalman`, and beside it the biases b_w and b_f of what the two sensors read.
+Its error is the fifteen numbers
 
     x = [p_true - p; log(R^T R_true); v_true - v; b_w,true - b_w; b_f,true - b_f]
 
 of which the last six are in {A} axes. The estimate is carried by readings less their biases, as
-there, and the error by F, which is that of `kalman` with the effect of the biases beside it,
+there, and P as `bias_covariance` says.
 
-    F = [F9, G; 0, 1],   G = [0, -T^2/2 R; -T 1, 0; 0, -T R],   P+ = F P F^T + Q.
-
-**Rest.** At the start the vehicle is at rest, so the gyroscope reads its bias, and the accelerometer
--R^T g and its bias: one reading of each is taken in as a measurement.
+**Rest.** At the start the vehicle is at rest, so the gyroscope reads its bias, and the
+accelerometer -R^T g and its bias: one reading of each is taken in as a measurement.
 
 **Scale.** A scale error s is a bias s x that moves with the true value x. It is no state; but where
-x is off its own recent mean m, in which the bias has been found, s (x - m) is a bias that nobody
-has seen yet. Q credits the bias with it as with a first-order process of that deviation and of the
-time constant of the mean, tau: (sigma_s (x - m))^2 2 T / tau in a period.
+x has moved lately, part of s x is a bias that nobody has seen yet. With the mean m of x over a time
+constant tau, and the mean n of m, Q credits the bias with (sigma_s (m - n))^2 4 T / tau a period,
+which for a step of x comes to (sigma_s step)^2 in all. What jitters has no mean and costs nothing.
 
-**Outliers.** A pose is taken in only where its innovation y is plausible,
-
-    y^T (H P H^T + N)^-1 y <= gate,   chi-square with six degrees of freedom.
-
-After a gap P has grown, and the gate with it. A filter that is surer than it is right would reject
-for ever: so after some rejections in a row each further one multiplies P, and before long, whatever
-the distance, a pose is taken again.
+**Outliers.** A pose is taken in only where its innovation is plausible; see `pose_gate`.
 """
 
 from __future__ import annotations
@@ -32,32 +24,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+from fullam.control.bias_covariance import BiasStep, absorb, mirror, predict, scale_matrix
 from fullam.control.estimator import Inertial, KernelEstimator
-from fullam.control.kalman import (
-    Error,
-    InertialPose,
-    Kalman,
-    KalmanSettings,
-    Step,
-    carry,
-    carry_error,
-    step_between,
-)
+from fullam.control.kalman import InertialPose, Kalman, KalmanSettings, carry, step_between
+from fullam.control.pose_gate import distance, doubt
 from fullam.control.signals import Estimate
 from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.numbers.kernel import Number, both, kernel, select, some
 from fullam.numbers.records import Rows
-from fullam.numbers.vectors import (
-    ZERO,
-    Matrix,
-    add,
-    axpy,
-    multiply,
-    rotate,
-    scale,
-    subtract,
-)
+from fullam.numbers.vectors import ZERO, add, axpy, rotate, scale, subtract
 
 STATES, READ = 15, 6
 """Entries of the error, and of a pose."""
@@ -134,13 +110,6 @@ class Flying(NamedTuple):
     slow: Inertial
 
 
-class BiasStep(NamedTuple):
-    """What F is made of: F9, and d v+ / d b_f = -T R."""
-
-    motion: Step
-    pull: Matrix
-
-
 class BiasMemory(NamedTuple):
     """Rows.
 
@@ -174,7 +143,8 @@ def kalman_bias(numbers, memory, readings, k):
         late[0] = after
         motion = step_between(numbers, before.now, after.now)
         pull = scale_matrix(-numbers.period, rotation_matrix(after.now.pose.attitude))
-        predict(numbers, memory.covariance, BiasStep(motion, pull), after)
+        moved = unbiased(after.mean, after.slow)
+        predict(numbers, memory.covariance, BiasStep(motion, pull), moved)
     if k > 0 and k % int(numbers.every) == 0 and some(readings.is_new > 0.0):
         late[0] = take(numbers, memory, readings)
     flying = late[0]
@@ -232,119 +202,6 @@ def corrected(flying, x):
     return Flying(moved, bias, flying.mean, flying.slow)
 
 
-# Its error.
-
-
-@kernel
-def scale_matrix(s, a):
-    """Multiple s a of a matrix."""
-    return (
-        s * a[0],
-        s * a[1],
-        s * a[2],
-        s * a[3],
-        s * a[4],
-        s * a[5],
-        s * a[6],
-        s * a[7],
-        s * a[8],
-    )
-
-
-@kernel
-def carry_biased(step, x, w, f):
-    """The first nine entries of F x, for an error x of the motion and errors w, f of the biases."""
-    T, y = step.motion.period, carry_error(step.motion, x)
-    pulled = rotate(step.pull, f)
-    return Error(
-        axpy(0.5 * T, pulled, y.position), axpy(-T, w, y.attitude), add(y.velocity, pulled)
-    )
-
-
-@kernel
-def predict(numbers, P, step, flying):
-    """P becomes F P F^T + Q, symmetric to the last bit: the upper triangle mirrors the lower."""
-    for j in range(15):
-        y = carry_biased(
-            step,
-            Error(
-                (P[0][j], P[1][j], P[2][j]),
-                (P[3][j], P[4][j], P[5][j]),
-                (P[6][j], P[7][j], P[8][j]),
-            ),
-            (P[9][j], P[10][j], P[11][j]),
-            (P[12][j], P[13][j], P[14][j]),
-        )
-        P[0][j], P[1][j], P[2][j] = y.position
-        P[3][j], P[4][j], P[5][j] = y.attitude
-        P[6][j], P[7][j], P[8][j] = y.velocity
-    for i in range(9):
-        row = P[i]
-        y = carry_biased(
-            step,
-            Error((row[0], row[1], row[2]), (row[3], row[4], row[5]), (row[6], row[7], row[8])),
-            (row[9], row[10], row[11]),
-            (row[12], row[13], row[14]),
-        )
-        row[0], row[1], row[2] = y.position
-        row[3], row[4], row[5] = y.attitude
-        row[6], row[7], row[8] = y.velocity
-        for j in range(i):
-            P[j][i] = row[j]
-        for j in range(9, 15):
-            P[j][i] = row[j]
-    for i in range(3):
-        P[i][i] = P[i][i] + numbers.position
-        P[3 + i][3 + i] = P[3 + i][3 + i] + numbers.attitude
-        P[6 + i][6 + i] = P[6 + i][6 + i] + numbers.velocity
-        P[i][6 + i] = P[i][6 + i] + numbers.mixed
-        P[6 + i][i] = P[6 + i][i] + numbers.mixed
-    add_drift(numbers, P, flying)
-
-
-@kernel
-def add_drift(numbers, P, flying):
-    """What a period adds to the variances of the biases: drift, and scale errors of a motion."""
-    off = unbiased(flying.mean, flying.slow)
-    w = multiply(off.gyroscope, off.gyroscope)
-    f = multiply(off.accelerometer, off.accelerometer)
-    drift, by_square = numbers.drift, numbers.scale
-    P[9][9] = P[9][9] + (drift[0] + by_square[0] * w[0])
-    P[10][10] = P[10][10] + (drift[0] + by_square[0] * w[1])
-    P[11][11] = P[11][11] + (drift[0] + by_square[0] * w[2])
-    P[12][12] = P[12][12] + (drift[1] + by_square[1] * f[0])
-    P[13][13] = P[13][13] + (drift[1] + by_square[1] * f[1])
-    P[14][14] = P[14][14] + (drift[1] + by_square[1] * f[2])
-
-
-@kernel
-def absorb(P, x, c, weight, surprise):
-    """Take in a number whose error has the covariances c with the state's, in the lower triangle.
-
-    Args:
-        P: Covariance.
-        x: Correction so far.
-        c: Covariances of the state with the number.
-        weight: 1 over the variance of the number as it is read.
-        surprise: What is read less what is expected after the correction so far.
-    """
-    gain = weight * surprise
-    for i in range(15):
-        x[i] = x[i] + c[i] * gain
-        share = weight * c[i]
-        row = P[i]
-        for m in range(i + 1):
-            row[m] = row[m] - share * c[m]
-
-
-@kernel
-def mirror(P):
-    """Have the upper triangle mirror the lower."""
-    for i in range(15):
-        for j in range(i):
-            P[j][i] = P[i][j]
-
-
 # The start.
 
 
@@ -383,7 +240,7 @@ def begin(numbers, memory, readings):
 
 @kernel
 def felt(numbers, memory, i, turn, y):
-    """Take in an entry of the accelerometer at rest, which an error e of attitude changes by turn e.
+    """Take in an entry of the accelerometer at rest, which turning by e changes by turn e.
 
     Args:
         numbers: `KalmanBiasNumbers`.
@@ -427,41 +284,6 @@ def take(numbers, memory, readings):
     doubt(numbers, memory, is_new, plausible)
     mirror(P)
     return select(taken, corrected(flying, x), flying)
-
-
-@kernel
-def distance(numbers, memory):
-    """Squared Mahalanobis distance y^T S^-1 y of a pose, by S = L D L^T."""
-    P, y, L, z = memory.covariance, memory.innovation, memory.factor, memory.column
-    total = 0.0 * y[0]
-    for i in range(6):
-        z[i] = y[i]
-        for j in range(i + 1):
-            s = P[i][j]
-            if i == j:
-                s = s + (numbers.read_position if i < 3 else numbers.read_attitude)
-            for m in range(j):
-                s = s - L[i][m] * L[j][m] * L[m][m]
-            L[i][j] = s if i == j else s / L[j][j]
-        for m in range(i):
-            z[i] = z[i] - L[i][m] * z[m]
-        total = total + z[i] * z[i] / L[i][i]
-    return total
-
-
-@kernel
-def doubt(numbers, memory, is_new, plausible):
-    """Count rejections in a row, and let P grow after some of them."""
-    P, count = memory.covariance, memory.rejected[0]
-    count = select(is_new, select(plausible, 0.0, count + 1.0), count)
-    memory.rejected[0] = count
-    many = both(is_new, count > numbers.patience)
-    if some(many):
-        growth = select(many, numbers.growth, 1.0)
-        for i in range(15):
-            row = P[i]
-            for j in range(i + 1):
-                row[j] = row[j] * growth
 
 
 class KalmanBias(KernelEstimator):
