@@ -98,8 +98,8 @@ class Answers:
 def hover_of(plan: FlightPlan) -> FlightPlan:
     """A flight's vehicle, law, estimator and sensors in level hover, its arm held, in still air.
 
-    The pose and the inertial sensors keep their noise, which some laws listen to; parameters are
-    exact.
+    The pose and the inertial sensors keep their noise, which some laws listen to, and their biases;
+    no pose is missing or an outlier, and parameters are exact.
     """
     s = plan.scenario
     scenario = replace(
@@ -114,6 +114,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         force_disturbance=0.0,
         moment_disturbance=0.0,
         uncertainty=Uncertainty(share=0.0),
+        sensors=plan.weather.sensors.without_lost_poses(),
     )
     simulation = replace(plan.simulation, governor=None)
     parts = scenario, plan.nominal, plan.controller, plan.settings, simulation, weather

@@ -11,6 +11,7 @@ from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
 from fullam.control.dc_pid import DcPid
 from fullam.control.dc_pid_plus import DcPidPlus
+from fullam.control.estimators import estimator_class
 from fullam.control.pid import Pid
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
@@ -57,6 +58,15 @@ def recommended_estimator(name: str) -> str:
         UnknownName: No such controller; the message lists the known ones.
     """
     return controller_class(name).estimator
+
+
+def suits(name: str, estimator: str) -> bool:
+    """Whether the controller `name` is made for an estimator, or for one that it stands for.
+
+    Raises:
+        UnknownName: No such controller, or estimator.
+    """
+    return recommended_estimator(name) in (estimator, estimator_class(estimator).stands_for)
 
 
 def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:

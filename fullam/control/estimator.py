@@ -118,13 +118,17 @@ class Estimator(ABC):
         name: The name it is registered under.
         Settings: Frozen dataclass of its settings.
         needs_inertial: Whether it reads the gyroscope and the accelerometer.
-        knows_bias: Whether it finds out their bias, so that it flies with sensors as sold.
+        knows_bias: Whether it finds out their bias.
+        rejects_outliers: Whether it tells an outlier from a pose.
+        stands_for: Name of an estimator in whose place it flies any law as well; "" for none.
     """
 
     name: ClassVar[str] = "estimator"
     Settings: ClassVar[type] = EstimatorSettings
     needs_inertial: ClassVar[bool] = False
     knows_bias: ClassVar[bool] = False
+    rejects_outliers: ClassVar[bool] = False
+    stands_for: ClassVar[str] = ""
 
     def __init__(
         self, datasheet: Datasheet | None = None, settings: Any = None, period: float = 0.01

@@ -75,7 +75,7 @@ class KalmanBiasNumbers(NamedTuple):
 
     The first ten are those of `KalmanNumbers`. Then variances at the start, of both biases and of
     what the readings there are off; variances that a period adds to the biases; the same by the
-    square of how far a reading is off its mean; share of a reading in that mean; and the gate.
+    square of how far a mean has moved; share of a reading in that mean; and the gate's settings.
     """
 
     every: Number
@@ -294,23 +294,24 @@ class KalmanBias(KernelEstimator):
     settings: KalmanBiasSettings
     needs_inertial = True
     knows_bias = True
+    rejects_outliers = True
+    stands_for = Kalman.name
     kernel = staticmethod(kalman_bias)
 
     def numbers(self) -> KalmanBiasNumbers:
         """See `KalmanBiasNumbers`."""
         sheet, s, T = self.datasheet, self.settings, self.period
-        common = Kalman(sheet, KalmanSettings(*(getattr(s, f) for f in SHARED)), T).numbers()
+        shared = KalmanSettings(**{name: getattr(s, name) for name in SHARED})
+        common = Kalman(sheet, shared, T).numbers()
         # At rest the scale error of the accelerometer is a bias, too.
-        start = (
-            sheet.gyroscope_bias**2,
-            (sheet.accelerometer_bias**2 + (sheet.accelerometer_scale * sheet.gravity) ** 2),
-        )
-        noise = sheet.gyroscope_noise, sheet.accelerometer_noise
+        weight = sheet.accelerometer_scale * sheet.gravity
+        start_w = sheet.gyroscope_noise**2 + s.initial_motion[0] ** 2
+        start_f = sheet.accelerometer_noise**2 + s.initial_motion[1] ** 2
         share = min(1.0, T / s.scale_time)
         return KalmanBiasNumbers(
             *common,
-            start_bias=start,
-            start_noise=tuple(n**2 + m**2 for n, m in zip(noise, s.initial_motion, strict=True)),
+            start_bias=(sheet.gyroscope_bias**2, sheet.accelerometer_bias**2 + weight**2),
+            start_noise=(start_w, start_f),
             drift=(T * sheet.gyroscope_drift**2, T * sheet.accelerometer_drift**2),
             scale=(
                 4.0 * share * sheet.gyroscope_scale**2,

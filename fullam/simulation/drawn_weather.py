@@ -110,7 +110,7 @@ class GapView(NamedTuple):
 class Gaps(NamedTuple):
     """How many are drawn, periods of each, interval, interval less duration, control period."""
 
-    count: Number
+    drawn: Number
     rows: Number
     interval: Number
     spare: Number
@@ -245,7 +245,7 @@ def draw_gaps(view, lane):
     state = stream(view.source.seeds[lane], GAPS)
     for k in range(len(missing)):
         missing[k] = 0.0
-    for i in range(int(gaps.count)):
+    for i in range(int(gaps.drawn)):
         state, u = next_uniform(state)
         first = int((i * gaps.interval + u * gaps.spare) / gaps.period) + 1
         for k in range(first, min(first + int(gaps.rows), len(missing))):
