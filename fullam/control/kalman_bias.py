@@ -24,9 +24,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
-from fullam.control.bias_covariance import BiasStep, absorb, mirror, predict, scale_matrix
+from fullam.control.bias_covariance import absorb, bias_step, mirror, predict
 from fullam.control.estimator import Inertial, KernelEstimator
-from fullam.control.kalman import InertialPose, Kalman, KalmanSettings, carry, step_between
+from fullam.control.kalman import InertialPose, Kalman, KalmanSettings, carry
 from fullam.control.pose_gate import distance, doubt
 from fullam.control.signals import Estimate
 from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
@@ -141,10 +141,8 @@ def kalman_bias(numbers, memory, readings, k):
         before = late[0]
         after = carry_on(numbers, before, waiting[(k + 1) % span])
         late[0] = after
-        motion = step_between(numbers, before.now, after.now)
-        pull = scale_matrix(-numbers.period, rotation_matrix(after.now.pose.attitude))
-        moved = unbiased(after.mean, after.slow)
-        predict(numbers, memory.covariance, BiasStep(motion, pull), moved)
+        step = bias_step(numbers.period, before.now, after.now)
+        predict(numbers, memory.covariance, step, unbiased(after.mean, after.slow))
     if k > 0 and k % int(numbers.every) == 0 and some(readings.is_new > 0.0):
         late[0] = take(numbers, memory, readings)
     flying = late[0]
