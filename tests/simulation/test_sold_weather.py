@@ -356,7 +356,8 @@ def turn_between(a, b):
 def test_the_covariance_tells_the_truth_in_flight():
     """The NEES of 16 flights in gusts lies within its 99.8 % chi-square bounds.
 
-    No sample falls on the one period in which a gust, once a second, is half integrated. With scale errors, which are no states, it must not be optimistic, nor off by a third.
+    No sample falls on the one period in which a gust, once a second, is half integrated. With
+    scale errors, which are no states, it must not be optimistic, nor off by a third.
     """
     exact = replace(SOUND_POSES, gyroscope_scale=0.0, accelerometer_scale=0.0)
     values = nees_of_flights(exact, range(16))
