@@ -46,6 +46,8 @@ class KalmanBiasSettings(KalmanSettings):
     Attributes:
         initial_motion: Standard deviations of rate and acceleration at the start, which is at rest
             [rad/s, m/s^2].
+        least_bias: Standard deviations of the biases that the sensors are credited with at least
+            [rad/s, m/s^2]: a filter that is certain of them never learns otherwise.
         scale_time: Time constant tau with which a scale error becomes part of the bias [s].
         gate: Squared Mahalanobis distance beyond which a pose is an outlier: 27.9 is exceeded by
             one sound pose in 10 000.
@@ -55,6 +57,7 @@ class KalmanBiasSettings(KalmanSettings):
 
     estimator: ClassVar[str] = "kalman-bias"
     initial_motion: tuple[float, float] = (0.002, 0.02)
+    least_bias: tuple[float, float] = (1e-4, 1e-3)
     scale_time: float = 0.3
     gate: float = 27.9
     patience: float = 4.0
@@ -63,9 +66,9 @@ class KalmanBiasSettings(KalmanSettings):
     def __post_init__(self) -> None:
         """Check the numbers; lists become tuples."""
         super().__post_init__()
-        self._become("initial_motion", 2)
-        for field in ("scale_time", "gate"):
-            self._become(field, 1)
+        for field, count in (("initial_motion", 2), ("least_bias", 2), ("scale_time", 1)):
+            self._become(field, count)
+        self._become("gate", 1)
         self._become("patience", 1, least=-1.0)
         self._become("growth", 1, least=1.0)
 
@@ -303,12 +306,14 @@ class KalmanBias(KernelEstimator):
         common = Kalman(sheet, shared, T).numbers()
         # At rest the scale error of the accelerometer is a bias, too.
         weight = sheet.accelerometer_scale * sheet.gravity
+        bias_w = sheet.gyroscope_bias**2 + s.least_bias[0] ** 2
+        bias_f = sheet.accelerometer_bias**2 + s.least_bias[1] ** 2 + weight**2
         start_w = sheet.gyroscope_noise**2 + s.initial_motion[0] ** 2
         start_f = sheet.accelerometer_noise**2 + s.initial_motion[1] ** 2
         share = min(1.0, T / s.scale_time)
         return KalmanBiasNumbers(
             *common,
-            start_bias=(sheet.gyroscope_bias**2, sheet.accelerometer_bias**2 + weight**2),
+            start_bias=(bias_w, bias_f),
             start_noise=(start_w, start_f),
             drift=(T * sheet.gyroscope_drift**2, T * sheet.accelerometer_drift**2),
             scale=(

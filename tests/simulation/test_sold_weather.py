@@ -313,6 +313,23 @@ def test_no_flight_is_lost_in_gaps_and_outliers():
     assert rms[0] < 10.0
 
 
+def test_sensors_may_turn_bad_in_flight():
+    """A filter that was told of no bias finds 20 deg/s of it all the same, and is back in 2 s.
+
+    Far off meanwhile, but never lost; and what hands did flies again.
+    """
+    scenario = replace(fullam.load_scenario("task-1"), duration=6.0)
+    flight = fullam.fly(scenario, "dc-pid-plus", seed=3, simulation=BIAS)
+    flight.advance(1.0)
+    flight.switch(weather="sold")
+    run = flight.run()
+    error = np.linalg.norm(run.measured_pose[:, :3] - run.pose[:, :3], axis=1)
+    assert run.outcome == "completed"
+    assert error[100:300].max() > 0.05
+    assert error[400:].max() < 0.05
+    np.testing.assert_array_equal(fullam.refly(run).pose, run.pose)
+
+
 def nees_of_flights(errors, seeds, first=300, every=50):
     """Squared errors of fifteen, by their covariance, along flights of task-1 in unbounded noise.
 
