@@ -58,7 +58,7 @@ class KalmanBiasSettings(KalmanSettings):
     estimator: ClassVar[str] = "kalman-bias"
     initial_motion: tuple[float, float] = (0.002, 0.02)
     least_bias: tuple[float, float] = (1e-4, 1e-3)
-    scale_time: float = 0.3
+    scale_time: float = 0.2
     gate: float = 27.9
     patience: float = 4.0
     growth: float = 3.0
