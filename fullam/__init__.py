@@ -19,8 +19,10 @@ import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.references import Circle, Step, Waypoints
+from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
+from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.reference_table import ReferenceTable
+from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import (
     Scenario,
@@ -28,6 +30,9 @@ from fullam.simulation.scenario import (
     register_scenario,
     scenario_names,
 )
+from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool_weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
@@ -90,18 +95,27 @@ def __dir__() -> list[str]:
 __all__ = [
     "Allocation",
     "Allocator",
+    "ArmTable",
     "Circle",
+    "CirclePath",
     "Controller",
     "FullamError",
     "HoldArm",
+    "JointTrajectory",
+    "LinePath",
     "Metrics",
+    "ReferenceTable",
     "Rotors",
     "Run",
     "Scenario",
     "Shaping",
     "SimulationSettings",
     "SineRate",
+    "SquarePath",
     "Step",
+    "ToolTask",
+    "ToolWeights",
+    "Trajectory",
     "Vehicle",
     "VehicleDesign",
     "Waypoints",

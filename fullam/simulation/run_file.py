@@ -32,8 +32,9 @@ Array = NDArray[Any]
 MOST_BYTES = 4 << 30
 """All columns of the largest run together."""
 
-MOST_METADATA = 32 << 20
-"""The metadata of a run; ours have some ten thousand characters, of four bytes each."""
+MOST_METADATA = 256 << 20
+"""The metadata of a run; ours have some ten thousand characters, of four bytes each, and up to
+48 millions with the rows of motions of one's own."""
 
 UNIT_QUATERNION = 1e-3
 """How far a quaternion may be from unit length; what is recorded is normalised to 1e-9."""
@@ -181,6 +182,8 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         check.text(name, metadata[name])
     check.text("reason", metadata["reason"], prose=True)
     check.whole("seed", metadata["seed"])
+    trim = check.table("trim", metadata.get("trim", {"says": ""}))
+    check.text("trim", trim.get("says"), prose=True)
     if metadata["outcome"] not in OUTCOMES:
         problem = f"is {shown(metadata['outcome'])}"
         raise check.refuse("outcome", problem, f"a flight is one of {', '.join(OUTCOMES)}")
