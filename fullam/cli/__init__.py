@@ -20,7 +20,7 @@ from fullam import interrupt
 from fullam.cli import output
 from fullam.cli.verbs import FAILED, INTERRUPTED, USAGE, VERBS, argument
 from fullam.exceptions import AllocationFailed, FullamError, FullamWarning, NonFiniteWrench
-from fullam.plugins import load_plugin
+from fullam.plugins import blamed, load_plugin
 
 DESCRIPTION = "Fly, compare and check fully-actuated aerial manipulators."
 
@@ -113,6 +113,12 @@ def _run(argv: Sequence[str] | None) -> int:
         return 0
     except (OSError, MemoryError) as error:  # what cannot be read, written or held
         output.complain(str(error) or "there is not enough memory")
+        return USAGE
+    except Exception as error:
+        told = blamed(error)
+        if told is None:
+            raise
+        output.complain(str(told))
         return USAGE
 
 

@@ -19,7 +19,7 @@ from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 from fullam.plain_values import from_plain, to_plain
 from fullam.plugins import discover
-from fullam.registry import Registry, check_class
+from fullam.registry import Registry, check_class, made
 
 LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, Backstepping, ComputedWrench)
 """Those that come with fullam."""
@@ -39,8 +39,9 @@ def register(name: str) -> Callable[[ControllerType], ControllerType]:
 
     def add(cls: ControllerType) -> ControllerType:
         check_class(cls, Controller, f"controller '{name}'")
-        cls.name = name
+        Checker(f"controller '{name}'", SettingsError).text("estimator", cls.estimator)
         CONTROLLERS[name] = cls
+        cls.name = name
         return cls
 
     return add
@@ -132,4 +133,4 @@ def make_controller(
     **settings: Any,
 ) -> Controller:
     """Build the controller `name` for a nominal vehicle; keywords change its settings."""
-    return controller_class(name)(vehicle, make_settings(name, settings), period, axes)
+    return made(controller_class(name), vehicle, make_settings(name, settings), period, axes)

@@ -126,7 +126,7 @@ def _fitting(check: Checker, setting: Field[Any], value: Any) -> Any:
     if _is_number(default):
         if not _is_number(value):
             raise check.refuse(setting.name, f"is {shown(value)}", "give a number")
-        return float(value) if isinstance(default, float) else value
+        return check.number(setting.name, value) if isinstance(default, float) else value
     if isinstance(default, tuple) and default and all(map(_is_number, default)):
         any_length = "..." in str(setting.type)
         good = isinstance(value, tuple) and all(map(_is_number, value))
