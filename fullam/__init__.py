@@ -15,20 +15,7 @@ import fullam.interrupt  # first of all, so that Ctrl-C during the other imports
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
 from fullam.exceptions import FullamError
-from fullam.model.loading import load_vehicle, vehicle_names
-from fullam.model.vehicle import Vehicle
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.references import Circle, Step, Waypoints
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import (
-    Scenario,
-    load_scenario,
-    register_scenario,
-    scenario_names,
-)
-from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
 if TYPE_CHECKING:
@@ -40,12 +27,24 @@ if TYPE_CHECKING:
     from fullam.control.controllers import controller_names, make_controller, register
     from fullam.control.estimators import estimator_names
     from fullam.model.design import VehicleDesign, design_vehicle
+    from fullam.model.loading import load_vehicle, vehicle_names
     from fullam.model.rotors import Rotors
+    from fullam.model.vehicle import Vehicle
+    from fullam.simulation.arm_motion import HoldArm, SineRate
     from fullam.simulation.many import fly_many
+    from fullam.simulation.references import Circle, Step, Waypoints
     from fullam.simulation.refly import refly
+    from fullam.simulation.run import Run
+    from fullam.simulation.scenario import (
+        Scenario,
+        load_scenario,
+        register_scenario,
+        scenario_names,
+    )
     from fullam.simulation.settings import SimulationSettings
     from fullam.simulation.shaping import Shaping
     from fullam.simulation.simulate import prepare, simulate
+    from fullam.simulation.weather import Weather, weather
     from fullam.viz.viewer.studio import fly
     from fullam.viz.viewer.view import view
     from fullam.viz.viewer.widgets import explore
@@ -59,12 +58,21 @@ LATER = {
     "fullam.control.controllers": ("controller_names", "make_controller", "register"),
     "fullam.control.estimators": ("estimator_names",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
+    "fullam.model.loading": ("load_vehicle", "vehicle_names"),
     "fullam.model.rotors": ("Rotors",),
+    "fullam.model.vehicle": ("Vehicle",),
+    "fullam.simulation.arm_motion": ("HoldArm", "SineRate"),
     "fullam.simulation.many": ("fly_many",),
+    "fullam.simulation.references": ("Circle", "Step", "Waypoints"),
     "fullam.simulation.refly": ("refly",),
+    "fullam.simulation.run": ("Run",),
+    "fullam.simulation.scenario": (
+        *("Scenario", "load_scenario", "register_scenario", "scenario_names"),
+    ),
     "fullam.simulation.settings": ("SimulationSettings",),
     "fullam.simulation.shaping": ("Shaping",),
     "fullam.simulation.simulate": ("prepare", "simulate"),
+    "fullam.simulation.weather": ("Weather", "weather"),
     "fullam.viz.viewer.studio": ("fly",),
     "fullam.viz.viewer.view": ("view",),
     "fullam.viz.viewer.widgets": ("explore",),
