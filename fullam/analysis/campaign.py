@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fullam.analysis import provenance
 from fullam.analysis.campaign_store import open_store
@@ -29,6 +28,7 @@ from fullam.control.controllers import controller_class, recommended_estimator, 
 from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import CampaignError
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.kernel import KERNELS, kernel
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.progress import Progress
@@ -337,8 +337,7 @@ def _flown(
         here = [key for key in pending if campaign.drivers[key[1]] == "fused"]
         there = [key for key in pending if campaign.drivers[key[1]] != "fused"]
     if here:
-        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-        with threadpool_limits(1):
+        with one_blas_thread():
             yield from campaign.fly(here, jobs)
     if not there:
         return

@@ -12,6 +12,7 @@ from fullam.control.controllers import make_settings
 from fullam.exceptions import Diverged, ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.blas import one_blas_thread
 from fullam.simulation import fused
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
@@ -162,6 +163,7 @@ def pilot(driver: str) -> Callable[[FlightPlan, Progress | None], Run]:
     return fused.fly if driver == "fused" else fly_by_python
 
 
+@one_blas_thread()
 def fly_by_python(plan: FlightPlan, progress: Progress | None = None) -> Run:
     """Fly one plan by Python; see `simulate`."""
     flight, total = Flight(plan), plan.t.size
