@@ -9,7 +9,7 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
 """
 
 # isort: off
-import fullam.interrupt  # first of all, so that Ctrl-C during the other imports is one line
+import fullam.interrupt  # noqa: F401 - first of all: Ctrl-C during the others is one line
 
 # isort: on
 from importlib import import_module

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-
 from fullam.analysis.worker_processes import MOST_JOBS, WorkerProcesses
 from fullam.exceptions import CampaignError, FullamWarning, MissingDependency
 from fullam.numbers.blas import one_blas_thread
