@@ -1,7 +1,7 @@
 """Campaigns: many flights over seeds, on one process or many, that lose nothing when stopped.
 
-Every contender meets the same weather under the same seed. A flight that diverges, or whose
-allocation finds no answer, is a row. The result is the same file whatever flew it.
+Every contender meets the same weather under the same seed. A flight that diverges or swings, or
+whose allocation finds no answer, is a row. The result is the same file whatever flew it.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ TESTS = (
     *("tests/analysis/test_campaign.py", "tests/analysis/test_campaign_store.py", "tests/model"),
     *("tests/analysis/test_cluster.py", "tests/numbers", "tests/control/test_law_contract.py"),
     *("tests/analysis/test_tuning.py", "tests/simulation/test_run.py", "tests/dynamics"),
-    *("tests/simulation/test_run_export.py", "tests/numbers/test_blas.py"),
+    "tests/simulation/test_run_export.py",
     *("tests/viz/test_figures.py", "tests/control/test_allocation.py"),
 )
 LENIENT = (
