@@ -57,7 +57,8 @@ def one_blas_thread() -> Iterator[None]:
     """Hold BLAS at one thread; also a decorator of functions.
 
     May be nested, and entered by several threads at once. It costs 10 us, and 0.4 ms more after
-    further modules have been imported.
+    further modules have been imported. A library that is loaded meanwhile is held from the next
+    time on.
     """
     _CAP.enter()
     try:

@@ -20,6 +20,8 @@ def threads():
 
 @pytest.fixture(autouse=True)
 def two_threads():
+    import scipy.linalg  # noqa: F401 - may bring a BLAS of its own
+
     with threadpool_limits(2, user_api="blas"):
         assert threads() and set(threads()) == {2}
         yield
@@ -57,6 +59,8 @@ def test_whoever_leaves_last_gives_back_in_whatever_order():
 
 @pytest.mark.parametrize("driver", ["python", "fused"])
 def test_a_flight_has_one_thread(driver, monkeypatch):
+    # What the first flight imports on its way may bring a BLAS of its own.
+    fullam.simulate(fullam.Scenario.from_dict(SHORT), driver=driver)
     seen = []
     module = flight if driver == "python" else fused
     original = module.finish
