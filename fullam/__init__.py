@@ -19,6 +19,7 @@ from fullam.exceptions import FullamError
 from fullam.version import __version__
 
 if TYPE_CHECKING:
+    from fullam.analysis.campaign_table import read_campaign
     from fullam.analysis.diagnosis import diagnose
     from fullam.analysis.margins import loop_margins
     from fullam.analysis.metrics import Metrics, measure
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from fullam.viz.viewer.widgets import explore
 
 LATER = {
+    "fullam.analysis.campaign_table": ("read_campaign",),
     "fullam.analysis.diagnosis": ("diagnose",),
     "fullam.analysis.margins": ("loop_margins",),
     "fullam.analysis.metrics": ("Metrics", "measure"),
@@ -128,6 +130,7 @@ __all__ = [
     "make_controller",
     "measure",
     "prepare",
+    "read_campaign",
     "refly",
     "register",
     "register_scenario",
