@@ -34,6 +34,7 @@ WITNESSES = {"newton_euler", "kinematics", "matrix_system", "paper_model"}
 OPTIONAL = {
     *("cma", "cloudpickle", "distributed", "mujoco", "pyarrow", "ipywidgets", "IPython"),
     *("casadi", "xacro", "xacrodoc", "pandas", "xarray", "mcap"),
+    "shtab",
 }
 """Packages of an extra, or that another package brings if it is there."""
 

@@ -19,7 +19,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-EXTRAS = ("campaign", "export", "notebook", "xacro", "test")
+EXTRAS = ("campaign", "completion", "export", "notebook", "xacro", "test")
 TESTS = (
     *("tests/test_bad_files.py", "tests/test_files.py", "tests/hostile/test_fuzz.py"),
     *("tests/analysis/test_campaign.py", "tests/analysis/test_campaign_store.py", "tests/model"),
