@@ -120,7 +120,8 @@ def _function(shell: str, name: str, names: list[str], or_file: bool) -> str:
     """A function of the shell that offers names, after each comma of a list."""
     if shell == "bash":
         form = BASH_OR_FILE if or_file else BASH
-        return form.format(name=name, names=shlex.quote(" ".join(names)))
+        # In lines: some versions of shtab let bash divide words there and nowhere else.
+        return form.format(name=name, names=shlex.quote("\n".join(names)))
     how = "_sequence compadd" if name.endswith("_list") else "compadd"
     form = ZSH_OR_FILE if or_file else ZSH
     return form.format(name=name, how=how, names=" ".join(map(shlex.quote, names)))
