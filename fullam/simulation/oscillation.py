@@ -158,7 +158,7 @@ def swing(
 def may_swing(e: Array, band: float) -> Flags:
     """Whether an axis can swing at all, which spares most flights their spectrum.
 
-    By Parseval no line is larger than the whole error under the window,
+    By Parseval no line below half the rate of the rows is larger than the error under the window,
 
         a^2 <= 2 sum_k w_k^2 (e_k - mean e)^2 / sum_k w_k^2.
 

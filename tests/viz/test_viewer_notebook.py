@@ -10,6 +10,7 @@ import pytest
 
 import fullam
 from fullam.exceptions import FullamError, InvalidInput, MissingDependency
+from fullam.viz.viewer import view as view_module
 from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.replay import Film
 from fullam.viz.viewer.sketch import sketch_page
@@ -26,6 +27,14 @@ def explorer():
     made = fullam.explore("fullam")
     yield made
     made.close()
+
+
+@pytest.fixture(autouse=True)
+def nothing_served():
+    """Servers end with their test."""
+    yield
+    while view_module.SERVED:
+        view_module.SERVED.pop().close()
 
 
 @pytest.fixture(scope="module")
@@ -100,12 +109,21 @@ def test_what_is_not_finite_is_drawn_somewhere(run):
     assert steps.shape[0] == len(frames)
 
 
-def test_the_server_ends_with_its_view(run):
-    view = fullam.view(run)
-    view._repr_html_()
-    server = view._server()
-    del view
-    assert not server._thread.is_alive()
+def test_the_last_views_are_served_and_older_ones_again_when_they_are_shown_again(run, monkeypatch):
+    monkeypatch.setattr(view_module, "MOST_SERVED", 2)
+    views = [fullam.view(run) for _ in range(3)]
+    servers = [view._server() for view in views]
+    assert [server._thread.is_alive() for server in servers] == [False, True, True]
+    assert views[2]._server() is servers[2]
+    again = views[0]._server()
+    assert again is not servers[0] and again._thread.is_alive()
+    assert not servers[1]._thread.is_alive()
+
+
+def test_a_view_is_served_even_if_nobody_keeps_it(run):
+    """As after `display(fullam.view(run))`."""
+    server = fullam.view(run)._server()
+    assert server._thread.is_alive()
 
 
 def test_a_cell_is_drawn_where_nothing_can_be_served(run, monkeypatch):

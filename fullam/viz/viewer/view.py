@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import weakref
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +16,12 @@ from fullam.viz.viewer.portrait import portrait
 from fullam.viz.viewer.replay import Film, film
 from fullam.viz.viewer.server import ViewerServer
 from fullam.viz.viewer.sketch import sketch_page
+
+MOST_SERVED = 16
+"""Views that are served to cells at a time."""
+
+SERVED: deque[ViewerServer] = deque()
+"""Who serves them, the oldest first. A view that was displayed may be gone when its page asks."""
 
 
 class View:
@@ -53,8 +59,9 @@ class View:
     def _repr_html_(self) -> str:
         """A page in a frame of its own: below 100 kB, unless all is to be embedded.
 
-        In a live notebook it shows the scene, which this process serves to this machine as long as
-        the view is kept. Elsewhere, as in an exported notebook, it plays as a line drawing.
+        In a live notebook it shows the scene, which this process serves to this machine, as it does
+        the last `MOST_SERVED` ones. Elsewhere, as in an exported notebook, it plays as a line
+        drawing.
         """
         if self.embed:
             return in_a_frame(film_page(self.film), self.height)
@@ -62,14 +69,16 @@ class View:
 
     def _server(self) -> ViewerServer | None:
         """Who plays the film to cells; None where nothing can be served."""
-        if self._served is None:
+        if self._served not in SERVED:
             try:
                 # A notebook's page may come through its server, under that one's name.
                 self._served = ViewerServer(0, hosts=("*",))
             except (FullamError, OSError):
                 return None
             self._served.play(self.film)
-            weakref.finalize(self, self._served.close).atexit = False
+            SERVED.append(self._served)
+            while len(SERVED) > MOST_SERVED:
+                SERVED.popleft().close()
         return self._served
 
     def __repr__(self) -> str:
