@@ -21,9 +21,10 @@ from fullam.analysis.margins import LoopMargins, flight_margins
 from fullam.analysis.metrics import measure
 from fullam.analysis.pushed import as_kernels
 from fullam.analysis.sensing import sensor_warning
+from fullam.checks import Checker
 from fullam.control.controllers import recommended_estimator, suits
 from fullam.dynamics.rotations import quaternion_rotation
-from fullam.exceptions import FullamError
+from fullam.exceptions import FullamError, RunFileError
 from fullam.model.attainable.facets import facets_of
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.flight_plan import FlightPlan
@@ -74,7 +75,11 @@ def diagnose(run: Run) -> list[Finding]:
 
     Args:
         run: The record; nothing else is needed.
+
+    Raises:
+        RunFileError: It is no record.
     """
+    Checker("diagnose", RunFileError).instance("run", run, Run)
     if not len(run):
         return []
     vehicle = run.vehicle

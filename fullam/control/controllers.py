@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fullam.checks import Checker
+from fullam.checks import Checker, positive, shown
 from fullam.control.backstepping import Backstepping
 from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
@@ -132,5 +132,13 @@ def make_controller(
     axes: tuple[bool, ...] = ALL_AXES,
     **settings: Any,
 ) -> Controller:
-    """Build the controller `name` for a nominal vehicle; keywords change its settings."""
+    """Build the controller `name` for a nominal vehicle; keywords change its settings.
+
+    Raises:
+        UnknownName: No such controller.
+        SettingsError: A setting that it does not have, no vehicle, or a period that is none.
+    """
+    check = Checker(f"controller {shown(name)}", SettingsError)
+    check.instance("vehicle", vehicle, Vehicle)
+    check.number("period", period, positive(1e3, "s"))
     return made(controller_class(name), vehicle, make_settings(name, settings), period, axes)

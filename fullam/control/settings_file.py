@@ -146,8 +146,9 @@ def read_settings(path: str | Path) -> SettingsFile:
     Raises:
         SettingsError: No such file, no TOML, or something in it that is not understood.
     """
+    path = Checker("settings", SettingsError).path("path", path)
     check = Checker(str(path), SettingsError)
-    data = read_toml(Path(path), check)
+    data = read_toml(path, check)
     check.known(data, ("controller", "estimator", "settings", "tuning"), "part")
     if "settings" not in data:
         raise check.refuse("[settings]", "is missing", "put the settings into a table of that name")
