@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.dynamics.integrators import integrator
+from fullam.dynamics.integrators import half_steps, integrator
 from fullam.dynamics.multibody import Multibody
 from fullam.dynamics.recursion import Chain, base_acceleration, gravity_in
 from fullam.dynamics.so3 import rotation_matrix
@@ -99,11 +99,11 @@ def follow(rotors, speeds, commands):
 
 
 @kernel
-def wrench_at(system, stage):
-    """Wrench of the rotors at a stage of the step, {A} axes."""
-    if stage == 0:
+def wrench_at(system, half):
+    """Wrench of the rotors so many half steps behind the start of the step, {A} axes."""
+    if half == 0:
         return system.start
-    if stage == 1:
+    if half == 1:
         return system.middle
     return system.end
 
@@ -111,9 +111,9 @@ def wrench_at(system, stage):
 @kernel
 def twist_rate(system, stage, pose, twist):
     """Derivative of the twist by the recursion (6)-(13); see `integrators`."""
-    R, w = rotation_matrix(pose.attitude), twist.angular
-    wrench = add_spatial(wrench_at(system, stage), rotate_spatial_back(R, system.gust))
-    chain = Chain(system.links, system.arm[system.row + stage * system.stride])
+    R, w, half = rotation_matrix(pose.attitude), twist.angular, half_steps(stage)
+    wrench = add_spatial(wrench_at(system, half), rotate_spatial_back(R, system.gust))
+    chain = Chain(system.links, system.arm[system.row + half * system.stride])
     a = base_acceleration(chain, w, gravity_in(R, system.gravity), wrench)
     return Spatial(subtract(a.linear, cross(w, twist.linear)), a.angular)
 
@@ -172,10 +172,10 @@ class PinocchioRate:
 
     def __call__(self, system: System, stage: int, pose: Pose, twist: Spatial) -> Spatial:
         """See `integrators`."""
-        q, v = self._q, self._v
+        q, v, half = self._q, self._v, half_steps(stage)
         q[3:7], v[:6] = pose.attitude, [*twist.linear, *twist.angular]
-        for i, motion in enumerate(system.arm[system.row + stage * system.stride]):
+        for i, motion in enumerate(system.arm[system.row + half * system.stride]):
             q[7 + i], v[6 + i], self._ddtheta[i] = motion
         gust = rotate_spatial_back(rotation_matrix(pose.attitude), system.gust)
-        wrench = np.array(flat(add_spatial(wrench_at(system, stage), gust)))
+        wrench = np.array(flat(add_spatial(wrench_at(system, half), gust)))
         return record(Spatial, self._multibody.base_acceleration(q, v, self._ddtheta, wrench))
