@@ -234,7 +234,7 @@ def project(wrench, motion):
 
 
 @kernel
-def sweep_in(armatures, arm):
+def sweep_in(servos, arm):
     """Reduce the arm, tip to base: inertia and force of the whole vehicle at the platform."""
     n = len(arm.reduced)
     tip = arm.bodies[n]
@@ -242,7 +242,7 @@ def sweep_in(armatures, arm):
     for i in range(n, 0, -1):
         body, below = arm.bodies[i], arm.bodies[i - 1]
         U = apply_articulated(inertia, body.axis)
-        k = 1.0 / (project(U, body.axis) + armatures[i - 1])
+        k = 1.0 / (project(U, body.axis) + servos[i - 1].armature)
         u = arm.torques[i - 1] - project(force, body.axis)
         arm.reduced[i - 1] = Reduced(U, u, k)
         M, H, J = inertia
@@ -294,11 +294,12 @@ def solve_articulated(inertia, wrench):
 
 
 @kernel
-def swept_acceleration(armatures, g, wrench, arm):
+def swept_acceleration(servos, g, wrench, arm):
     """Acceleration of the platform, the joints' into `arm`, once `sweep_out` has been.
 
     Args:
-        armatures: Rotor inertia of each joint's motor at the joint [kg m^2 or kg].
+        servos: One a joint, of which the `armature` counts: rotor inertia of its motor, seen at the
+            joint [kg m^2 or kg].
         g: Acceleration of gravity, {A} axes.
         wrench: On the platform at its origin, {A} axes.
         arm: `ArmRows`.
@@ -306,21 +307,21 @@ def swept_acceleration(armatures, g, wrench, arm):
     Returns:
         [ddp_A (classical), dw_A] in {A} axes.
     """
-    inertia, force = sweep_in(armatures, arm)
+    inertia, force = sweep_in(servos, arm)
     a = solve_articulated(inertia, subtract_spatial(wrench, force))
     spread_out(arm, a)
     return Spatial(add(a.linear, g), a.angular)
 
 
 @kernel
-def free_acceleration(links, armatures, w, g, wrench, arm):
+def free_acceleration(links, servos, w, g, wrench, arm):
     """Acceleration of the platform under a wrench, the joints moved by torques.
 
     As `recursion.base_acceleration`, with `arm.torques` in the place of the joints' accelerations,
     which it writes. Arguments as in `sweep_out` and `swept_acceleration`.
     """
     sweep_out(links, w, arm)
-    return swept_acceleration(armatures, g, wrench, arm)
+    return swept_acceleration(servos, g, wrench, arm)
 
 
 @kernel

@@ -26,6 +26,7 @@ from fullam.model.physics import (
     parse_urdf,
 )
 from fullam.model.rotors import COLUMNS, Rotors
+from fullam.model.servos import Servos
 from fullam.model.wrench_axes import rank_on, require_rank
 
 Array = NDArray[np.float64]
@@ -124,6 +125,7 @@ class Vehicle:
         if "mass" in definition:
             declared = read.number(definition["mass"], where, "mass")
             check_total_mass(declared, pin.computeTotalMass(model), where)
+        Servos.of(definition.get("servo", {}), ArmJoints.from_model(model), where)
         return cls(
             name=name,
             description=read.text(definition, "description", where, ""),
@@ -197,6 +199,11 @@ class Vehicle:
     def joints(self) -> ArmJoints:
         """Kind, units and limits of the arm's joints."""
         return ArmJoints.from_model(self.model)
+
+    @property
+    def servos(self) -> Servos:
+        """The arm's servos, as the definition's `[servo]` states them; AX-12As by default."""
+        return Servos.of(self.definition.get("servo", {}), self.joints, f"vehicle '{self.name}'")
 
     @property
     def gravity(self) -> float:

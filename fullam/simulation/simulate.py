@@ -39,6 +39,7 @@ class Choices(TypedDict, total=False):
             the defaults.
         simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
             what differs from the defaults.
+        plant: Which physics flies, "prescribed" or "servo"; the simulation's own by default.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
     """
@@ -49,6 +50,7 @@ class Choices(TypedDict, total=False):
     calm: bool
     settings: Any
     simulation: SimulationSettings | Mapping[str, Any] | None
+    plant: str | None
     shaping: Shaping | Mapping[str, Any] | None
 
 
@@ -68,8 +70,14 @@ def prepare(
     if settings is None or isinstance(settings, Mapping):
         settings = make_settings(controller, settings)
     simulation = choices.get("simulation")
+    plant = choices.get("plant")
     if not isinstance(simulation, SimulationSettings):
-        simulation = SimulationSettings.from_dict({} if simulation is None else simulation)
+        own = {} if simulation is None else simulation
+        if plant is not None and isinstance(own, Mapping):
+            own = {**own, "plant": plant}
+        simulation = SimulationSettings.from_dict(own)
+    elif plant is not None and plant != simulation.plant:
+        simulation = replace(simulation, plant=plant, plant_settings={})
     return FlightPlan.prepare(
         scenario,
         vehicle,
@@ -130,12 +138,12 @@ def simulate(
         **choices: `vehicle` (nominal; an instance, a name or a path), `seed` (of the weather, 0),
             `weather` (an instance or a name), `calm` (no weather at all), `settings` (the
             controller's) and `shaping` (of the reference; both an instance or a mapping of what
-            differs), `simulation` (rates, integrator, sensors, estimator). Each has the scenario's
-            own or the default where it is left out; see `Choices`.
+            differs), `simulation` (rates, integrator, sensors, estimator), `plant` (the physics).
+            Each has the scenario's own or the default where it is left out; see `Choices`.
 
     Raises:
         Diverged: The flight left the bounds of sense; the error carries the partial run.
-        UnknownName: No such scenario, controller, vehicle, weather or driver.
+        UnknownName: No such scenario, controller, vehicle, weather, plant or driver.
         ScenarioError: A scenario that cannot be flown.
         VehicleError: A vehicle file that describes no flyable vehicle, or an arm that is not one
             chain of joints.

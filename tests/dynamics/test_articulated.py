@@ -125,7 +125,10 @@ def test_with_the_joints_accelerations_prescribed_it_is_the_recursions(name):
     for at in instants(MODELS[name], np.random.default_rng(3), count=3):
         found = at.kernels()
         w = tuple(at.v[3:6].tolist())
-        motions = [m._replace(acceleration=a) for m, a in zip(at.arm.motions, found[6:].tolist())]
+        motions = [
+            m._replace(acceleration=a)
+            for m, a in zip(at.arm.motions, found[6:].tolist(), strict=True)
+        ]
         joints = [None] * len(motions)
         rec.place_joints(at.links, motions, joints)
         wrench = record(Spatial, at.wrench + at.push)
@@ -149,7 +152,10 @@ def test_torques_that_hold_the_arm_up(name):
     [
         ("bracket", lambda u, w: Spatial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
         ("momentum_rate", lambda inertia, velocity: Spatial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
-        ("less_product", lambda H, s, a, b: tuple(h - s * x for h, x in zip(H, a * 3))),
+        (
+            "less_product",
+            lambda H, s, a, b: tuple(h - s * x for h, x in zip(H, a * 3, strict=True)),
+        ),
         ("push_last", lambda arm, push: None),
     ],
 )

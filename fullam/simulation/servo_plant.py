@@ -1,0 +1,180 @@
+"""The plant whose joints are free, and moved by position servos; see `servo_motion`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fullam.control.arm_feedback import (
+    DIFFERENCE_LAG,
+    FEEDBACK,
+    SLOWEST_STEP,
+    EncodeView,
+    FeedbackNumbers,
+)
+from fullam.control.arm_goals import FEED_FORWARD, GoalNumbers, GoalView, steer
+from fullam.dynamics.articulated import ArmRows
+from fullam.dynamics.placing import PlaceView
+from fullam.dynamics.recursion import Joint, JointMotion
+from fullam.dynamics.servo import ServoNumbers
+from fullam.numbers.program import Stage
+from fullam.numbers.records import Rows
+from fullam.numbers.vectors import Vector
+from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
+from fullam.simulation.plant_settings import ServoSettings, plant_settings
+from fullam.simulation.servo_motion import (
+    ArmEntry,
+    ArmRecordView,
+    NoWorld,
+    PinocchioJoints,
+    ServoView,
+    Slope,
+    record_arm,
+    servo_stage,
+)
+
+Array = NDArray[np.float64]
+
+
+class ServoPlant(Plant):
+    """Free joints: goals go to their servos, and encoders tell of them.
+
+    Attributes:
+        servos: `ServoNumbers` of the joints, which all flights share.
+        goals: The servos' goals.
+        entries: The joints' part of the record, (periods, n), if it is kept.
+    """
+
+    name = "servo"
+
+    def __init__(self, around: Surroundings) -> None:
+        """Make the rows."""
+        super().__init__(around)
+        plan, n = around.tables.plan, around.tables.plan.nominal.n_arm
+        settings = plant_settings(self.name, plan.simulation.plant_settings)
+        assert isinstance(settings, ServoSettings)
+        self.settings = settings
+        self.servos = Rows(ServoNumbers, plan.nominal.servos.rows)
+        self.arm: Rows = self._empty(JointMotion, n)
+        self.goals = self._empty(float, n)
+        self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
+        self._memory = self._empty(JointMotion, n)
+        self._room = ArmRows.empty(n, around.lanes)
+        self._twin_room = ArmRows.empty(n, around.lanes)
+        self.entries = self._empty(ArmEntry, around.kept, n)
+        self.seen = SeenArm(
+            self._empty(JointMotion, 1, n),
+            self._empty(Joint, 1, n),
+            self._empty(Vector, 1),
+            Rows(float, [[0.0]]),
+        )
+
+    def _empty(self, record: Any, *lengths: int) -> Rows:
+        return Rows.empty(record, *lengths, lanes=self.around.lanes)
+
+    def begin(self) -> None:
+        """Stand where the arm's motion begins, encoders and twin as well."""
+        start = self.around.tables.motions.array[0]
+        for rows in (self.arm, self._memory):
+            rows.array[:] = start[..., None] if self.around.lanes else start
+        self._memory.array[:, 1:] = 0.0
+        for rows in (self._slopes, self._sums, self.goals, self.seen.motions):
+            rows.array[:] = 0.0
+
+    def stages(self) -> dict[str, Stage]:
+        """See `Plant`."""
+        name = self.around.tables.plan.simulation.integrator
+        return self._own_stages() | {"move": Stage(servo_stage(name), self._view())}
+
+    def python_stages(self, look: Callable[[Any], Any]) -> dict[str, PythonStage]:
+        """See `Plant`; by Pinocchio."""
+        plan = self.around.tables.plan
+        solve = PinocchioJoints(plan.true, plan.nominal.servos)
+        move = servo_stage(plan.simulation.integrator, solve)
+        own = {name: (s.kernel, look(s.view)) for name, s in self._own_stages().items()}
+        return own | {"move": (move, look(self._view()))}
+
+    def _own_stages(self) -> dict[str, Stage]:
+        stages = {
+            "steer": Stage(steer, self._goal_view()),
+            "encode": Stage(FEEDBACK[self.settings.feedback], self._encode_view()),
+        }
+        if self.around.kept:
+            view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
+            stages["record arm"] = Stage(record_arm, view)
+        return stages
+
+    def _goal_view(self) -> GoalView:
+        t = self.around.tables
+        shares = FEED_FORWARD[self.settings.feed_forward]
+        return GoalView(
+            Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
+            t.links,
+            self.servos,
+            t.motions,
+            t.joint_rows,
+            self.around.estimate,
+            self._twin_room,
+            self.goals,
+        )
+
+    def _encode_view(self) -> EncodeView:
+        t, seen = self.around.tables, self.seen
+        period = t.plan.simulation.control_period
+        numbers = FeedbackNumbers(
+            period,
+            float(max(1, math.ceil(period / SLOWEST_STEP - 1e-9))),
+            t.plan.nominal.gravity,
+            1.0 - math.exp(-period / DIFFERENCE_LAG),
+        )
+        return EncodeView(
+            Rows.of(FeedbackNumbers, [numbers]),
+            self.servos,
+            self.goals,
+            self.arm,
+            t.motions,
+            t.joint_rows,
+            self.around.estimate,
+            self._memory,
+            self._twin_room,
+            PlaceView(t.links, seen.motions, seen.joints, seen.centers),
+        )
+
+    def _view(self) -> ServoView:
+        a = self.around
+        return ServoView(
+            a.state,
+            a.drawn.links,
+            a.drawn.rotors,
+            a.tables.stepping,
+            a.drawn.gust,
+            a.speeds,
+            a.commands,
+            self.servos,
+            self.goals,
+            self.arm,
+            self._slopes,
+            self._sums,
+            self._room,
+            NoWorld(),
+        )
+
+    def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:
+        """See `Plant`: the true arm, the servos' goals and torques."""
+        entries = self.entries.array[:rows]
+        entries = entries[..., lane] if self.around.lanes else entries
+        names = "arm", "arm_rate", "arm_goal", "arm_torque"
+        return {name: np.array(entries[..., i]) for i, name in enumerate(names)}
+
+    def remembered(self) -> Sequence[Rows]:
+        """See `Plant`."""
+        return self.arm, self._memory, self.goals
+
+    def steered_by(self, arm: Any, centers: Any, rows: Any) -> dict[str, dict[str, Any]]:
+        """See `Plant`: the hand moves what the servos are asked."""
+        wanted = {"motions": arm, "joint_rows": rows}
+        return {"steer": wanted, "encode": wanted}
