@@ -63,7 +63,7 @@ class EncodeView(NamedTuple):
 
 @kernel
 def encode_truth(view, k):
-    """Tell the true motion."""
+    """Tell the true positions and rates, and the mean acceleration of the last period."""
     seen = view.place.motions[0]
     for i in range(len(view.arm)):
         seen[i] = view.arm[i]

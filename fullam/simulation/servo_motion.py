@@ -30,7 +30,13 @@ from fullam.dynamics.multibody import ROOT
 from fullam.dynamics.recursion import JointMotion, gravity_in
 from fullam.dynamics.servo import servo_torque
 from fullam.dynamics.so3 import rotation_matrix
-from fullam.dynamics.spatial import Spatial, add_spatial, rotate_spatial_back
+from fullam.dynamics.spatial import (
+    Spatial,
+    add_spatial,
+    rotate_spatial_back,
+    scale_spatial,
+    subtract_spatial,
+)
 from fullam.model.servos import Servos
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, kernel
@@ -54,7 +60,10 @@ class NoWorld(NamedTuple):
 
 
 class ServoView(NamedTuple):
-    """What the plant's stage is shown; `arm` (`JointMotion`s), `speeds` and `state` rewritten."""
+    """What the plant's stage is shown; `arm` (`JointMotion`s), `speeds` and `state` rewritten.
+
+    The rest is room: slopes and sums of a step, the joints' rates at the start of a period.
+    """
 
     state: Any
     links: Any
@@ -68,6 +77,7 @@ class ServoView(NamedTuple):
     arm: Any
     slopes: Any
     sums: Any
+    rates: Any
     room: Any
     world: Any
 
@@ -175,26 +185,35 @@ def move_joints(view, dt, implicit):
         start, sums = view.arm[i], view.sums[i]
         mean = sums.rate + implicit * dt * sums.acceleration
         view.arm[i] = JointMotion(
-            start.position + dt * mean,
-            start.rate + dt * sums.acceleration,
-            view.slopes[i].acceleration,
+            start.position + dt * mean, start.rate + dt * sums.acceleration, start.acceleration
         )
 
 
 @kernel
 def advance_free(rule, derivative, implicit, view, k):
-    """Fly the plant's steps of control period k, the joints free."""
+    """Fly the plant's steps of control period k, the joints free.
+
+    Goals that step from period to period jerk the arm, and with it the platform, so that its
+    acceleration at an instant says little of a period. What inertial sensors are shown is therefore
+    the mean over it, as one that samples faster and filters tells it; the joints' likewise.
+    """
     state, stepping, gust = view.state[0], view.stepping[0], view.gusts[k]
-    pose, twist, rate = state.pose, state.twist, state.acceleration
-    dt = stepping.period
+    pose, twist, dt = state.pose, state.twist, stepping.period
+    for i in range(len(view.arm)):
+        view.rates[i] = view.arm[i].rate
     for _ in range(int(stepping.substeps)):
         thrust = spin(view.rotors, view.speeds, view.commands)
         system = ServoSystem(view, thrust, gust, dt, stepping.gravity)
         for i in range(len(view.arm)):
             view.sums[i] = Slope(0.0, 0.0)
-        pose, twist, rate = rule(derivative, system, pose, twist, dt)
+        pose, twist, _ = rule(derivative, system, pose, twist, dt)
         move_joints(view, dt, implicit)
-    view.state[0] = State(pose, twist, rate)
+    per_period, change = 1.0 / (stepping.substeps * dt), subtract_spatial(twist, state.twist)
+    for i in range(len(view.arm)):
+        now = view.arm[i]
+        mean = per_period * (now.rate - view.rates[i])
+        view.arm[i] = JointMotion(now.position, now.rate, mean)
+    view.state[0] = State(pose, twist, scale_spatial(per_period, change))
 
 
 @cache

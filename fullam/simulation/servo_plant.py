@@ -62,6 +62,7 @@ class ServoPlant(Plant):
         self.arm: Rows = self._empty(JointMotion, n)
         self.goals = self._empty(float, n)
         self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
+        self._rates = self._empty(float, n)
         self._memory = self._empty(JointMotion, n)
         self._room = ArmRows.empty(n, around.lanes)
         self._twin_room = ArmRows.empty(n, around.lanes)
@@ -159,6 +160,7 @@ class ServoPlant(Plant):
             self.arm,
             self._slopes,
             self._sums,
+            self._rates,
             self._room,
             NoWorld(),
         )
