@@ -22,7 +22,7 @@ from fullam.dynamics.servo import read_encoder, servo_torque
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial
 from fullam.numbers.kernel import Number, kernel
-from fullam.numbers.vectors import ZERO, rotate_back, scale
+from fullam.numbers.vectors import rotate_back, scale
 
 SLOWEST_STEP = 0.0025
 """Longest time step of the twin [s]: its fastest motion, d / armature = 100 / s, takes a quarter
@@ -103,7 +103,7 @@ def twin_accelerations(view, w, g):
         motion = room.motions[i]
         room.torques[i] = servo_torque(view.servos[i], view.goals[i], motion.position, motion.rate)
     sweep_in(view.servos, room)
-    spread_out(room, Spatial(scale(-1.0, g), ZERO))
+    spread_out(room, Spatial(scale(-1.0, g), scale(0.0, g)))
 
 
 @kernel

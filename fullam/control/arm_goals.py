@@ -19,7 +19,7 @@ from fullam.dynamics.recursion import gravity_in
 from fullam.dynamics.servo import shifted_goal
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.numbers.kernel import Number, kernel
-from fullam.numbers.vectors import ZERO
+from fullam.numbers.vectors import rotate_back
 
 FEED_FORWARD = {"gravity": (1.0, 0.0), "motion": (1.0, 1.0), "off": (0.0, 0.0)}
 """What is fed forward: shares of gravity's torque, and of the motion's."""
@@ -56,8 +56,9 @@ def steer(view, k):
     numbers, room, wanted = view.numbers[0], view.room, view.motions[k * int(view.joint_rows[0])]
     for i in range(len(view.goals)):
         room.motions[i] = wanted[i]
-    sweep_out(view.links, ZERO, room)
-    R = rotation_matrix(view.estimate[0].pose.attitude)
+    estimate = view.estimate[0]
+    R = rotation_matrix(estimate.pose.attitude)
+    sweep_out(view.links, rotate_back(R, estimate.velocity.angular), room)
     holding_torques(gravity_in(R, numbers.gravity), room)
     for i in range(len(view.goals)):
         servo, motion = view.servos[i], wanted[i]

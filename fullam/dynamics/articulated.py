@@ -128,7 +128,7 @@ def sweep_out(links, w, arm):
     still = Spatial(ZERO, ZERO)
     own = platform_body(links)
     arm.bodies[0] = Body(still, still, own, momentum_rate(own, Spatial(ZERO, w)))
-    p = linear = ZERO
+    p = linear = scale(0.0, w)  # zeros that have lanes where w has
     angular = w
     for i in range(1, len(links)):
         link, joint = links[i], arm.joints[i - 1]
@@ -157,9 +157,10 @@ def push_last(arm, push):
 def articulated(body):
     """A rigid body's spatial inertia: M = m 1, H w = w x s, J about the origin."""
     m, s = body.mass, body.first_moment
+    zero = 0.0 * m  # which has lanes where m has
     return Articulated(
-        (m, 0.0, 0.0, m, 0.0, m),
-        (0.0, s[2], -s[1], -s[2], 0.0, s[0], s[1], -s[0], 0.0),
+        (m, zero, zero, m, zero, m),
+        (zero, s[2], -s[1], -s[2], zero, s[0], s[1], -s[0], zero),
         body.inertia,
     )
 

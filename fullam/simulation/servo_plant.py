@@ -19,7 +19,7 @@ from fullam.control.arm_feedback import (
 from fullam.control.arm_goals import FEED_FORWARD, GoalNumbers, GoalView, steer
 from fullam.dynamics.articulated import ArmRows
 from fullam.dynamics.placing import PlaceView
-from fullam.dynamics.recursion import Joint, JointMotion
+from fullam.dynamics.recursion import Joint, JointMotion, Link
 from fullam.dynamics.servo import ServoNumbers
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
@@ -59,6 +59,10 @@ class ServoPlant(Plant):
         assert isinstance(settings, ServoSettings)
         self.settings = settings
         self.servos = Rows(ServoNumbers, plan.nominal.servos.rows)
+        # One a lane, as the true ones: what is placed on them then has lanes from the first link on.
+        self._links = self._empty(Link, n + 1)
+        links = around.tables.links.array
+        self._links.array[:] = links[..., None] if around.lanes else links
         self.arm: Rows = self._empty(JointMotion, n)
         self.goals = self._empty(float, n)
         self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
@@ -114,7 +118,7 @@ class ServoPlant(Plant):
         shares = FEED_FORWARD[self.settings.feed_forward]
         return GoalView(
             Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
-            t.links,
+            self._links,
             self.servos,
             t.motions,
             t.joint_rows,
@@ -142,7 +146,7 @@ class ServoPlant(Plant):
             self.around.estimate,
             self._memory,
             self._twin_room,
-            PlaceView(t.links, seen.motions, seen.joints, seen.centers),
+            PlaceView(self._links, seen.motions, seen.joints, seen.centers),
         )
 
     def _view(self) -> ServoView:
