@@ -11,12 +11,13 @@ from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
 from fullam.control.dc_pid import DcPid
 from fullam.control.dc_pid_plus import DcPidPlus
+from fullam.control.hybrid_force import HybridForce
 from fullam.control.pid import Pid
 from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
 
-LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, Backstepping, ComputedWrench)
+LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, HybridForce, Backstepping, ComputedWrench)
 """Those that come with fullam."""
 
 CONTROLLERS: Registry[type[Controller]] = Registry("controller", {law.name: law for law in LAWS})

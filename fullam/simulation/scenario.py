@@ -20,6 +20,7 @@ from fullam.simulation.references import Reference, Step
 from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
+from fullam.simulation.world import Surface, surface
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,7 @@ class Scenario:
             allocation. A platform that cannot control them all is meant to stay near level.
         weather: What spoils the flight unless the caller says otherwise.
         shaping: How the reference is blended and anticipated before the law sees it.
+        world: What the tool may touch.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Scenario:
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
+    world: tuple[Surface, ...] = ()
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -88,6 +91,11 @@ class Scenario:
                 raise check.refuse(name, f"is {shown(value)}", "give an object that can tabulate")
         check.instance("weather", self.weather, Weather)
         check.instance("shaping", self.shaping, Shaping)
+        if not isinstance(self.world, list | tuple):
+            raise check.refuse("world", f"is {shown(self.world)}", "give a list of surfaces")
+        for thing in self.world:
+            check.instance("world", thing, Surface)
+        object.__setattr__(self, "world", tuple(self.world))
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
         if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
             raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
@@ -99,6 +107,11 @@ class Scenario:
     def axes_mask(self) -> tuple[bool, ...]:
         """Which of the six axes are controlled."""
         return tuple(a in self.axes for a in AXES)
+
+    @property
+    def plant(self) -> str:
+        """The plant that it needs: what touches something has joints that yield."""
+        return "servo" if self.world else "prescribed"
 
     @property
     def initial_pose(self) -> Array:
@@ -139,6 +152,7 @@ class Scenario:
         data["arm_motion"] = references.to_dict(self.arm_motion)
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
+        data["world"] = [thing.to_dict() for thing in self.world]
         return data
 
     @classmethod
@@ -174,6 +188,8 @@ class Scenario:
             values["weather"] = Weather.from_dict(values["weather"])
         if "shaping" in values:
             values["shaping"] = Shaping.from_dict(values["shaping"])
+        if isinstance(values.get("world"), list | tuple):
+            values["world"] = tuple(surface(table) for table in values["world"])
         return values
 
 

@@ -24,6 +24,7 @@ from fullam.dynamics.servo import ServoNumbers
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
+from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -33,6 +34,7 @@ from fullam.simulation.servo_motion import (
     PinocchioJoints,
     ServoView,
     Slope,
+    no_contact,
     record_arm,
     servo_stage,
 )
@@ -47,6 +49,8 @@ class ServoPlant(Plant):
         servos: `ServoNumbers` of the joints, which all flights share.
         goals: The servos' goals.
         entries: The joints' part of the record, (periods, n), if it is kept.
+        world: What the tool may touch, `contact.World`; None if there is nothing.
+        touches: The force of the world on the tool, a row a period, if the record is kept.
     """
 
     name = "servo"
@@ -71,6 +75,10 @@ class ServoPlant(Plant):
         self._room = ArmRows.empty(n, around.lanes)
         self._twin_room = ArmRows.empty(n, around.lanes)
         self.entries = self._empty(ArmEntry, around.kept, n)
+        surfaces = plan.scenario.world
+        self.world = world_rows(plan.nominal, surfaces) if surfaces else None
+        self._contact = no_contact if self.world is None else touch
+        self.touches = self._empty(Vector, around.kept)
         self.seen = SeenArm(
             self._empty(JointMotion, 1, n),
             self._empty(Joint, 1, n),
@@ -93,13 +101,15 @@ class ServoPlant(Plant):
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""
         name = self.around.tables.plan.simulation.integrator
-        return self._own_stages() | {"move": Stage(servo_stage(name), self._view())}
+        return self._own_stages() | {
+            "move": Stage(servo_stage(name, contact=self._contact), self._view())
+        }
 
     def python_stages(self, look: Callable[[Any], Any]) -> dict[str, PythonStage]:
         """See `Plant`; by Pinocchio."""
         plan = self.around.tables.plan
         solve = PinocchioJoints(plan.true, plan.nominal.servos)
-        move = servo_stage(plan.simulation.integrator, solve)
+        move = servo_stage(plan.simulation.integrator, solve, self._contact)
         own = {name: (s.kernel, look(s.view)) for name, s in self._own_stages().items()}
         return own | {"move": (move, look(self._view()))}
 
@@ -111,6 +121,16 @@ class ServoPlant(Plant):
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
+            if self.world is not None:
+                touched = TouchView(
+                    self.around.state,
+                    self.around.drawn.links,
+                    self.arm,
+                    self._room,
+                    self.world,
+                    self.touches,
+                )
+                stages["record touch"] = Stage(record_touch, touched)
         return stages
 
     def _goal_view(self) -> GoalView:
@@ -166,7 +186,7 @@ class ServoPlant(Plant):
             self._sums,
             self._rates,
             self._room,
-            NoWorld(),
+            NoWorld() if self.world is None else self.world,
         )
 
     def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:
@@ -174,7 +194,11 @@ class ServoPlant(Plant):
         entries = self.entries.array[:rows]
         entries = entries[..., lane] if self.around.lanes else entries
         names = "arm", "arm_rate", "arm_goal", "arm_torque"
-        return {name: np.array(entries[..., i]) for i, name in enumerate(names)}
+        found = {name: np.array(entries[..., i]) for i, name in enumerate(names)}
+        touches = self.touches.array[:rows]
+        return found | {
+            "contact_force": np.array(touches[..., lane] if self.around.lanes else touches)
+        }
 
     def remembered(self) -> Sequence[Rows]:
         """See `Plant`."""

@@ -39,7 +39,8 @@ class Choices(TypedDict, total=False):
             the defaults.
         simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
             what differs from the defaults.
-        plant: Which physics flies, "prescribed" or "servo"; the simulation's own by default.
+        plant: Which physics flies, "prescribed" or "servo"; by default the one that the scenario
+            needs, or the simulation's own.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
     """
@@ -71,6 +72,8 @@ def prepare(
         settings = make_settings(controller, settings)
     simulation = choices.get("simulation")
     plant = choices.get("plant")
+    if plant is None and scenario.plant != "prescribed":
+        plant = scenario.plant
     if not isinstance(simulation, SimulationSettings):
         own = {} if simulation is None else simulation
         if plant is not None and isinstance(own, Mapping):
