@@ -17,7 +17,14 @@ from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
 
-LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, HybridForce, Backstepping, ComputedWrench)
+LAWS: tuple[type[Controller], ...] = (
+    Pid,
+    DcPid,
+    DcPidPlus,
+    HybridForce,
+    Backstepping,
+    ComputedWrench,
+)
 """Those that come with fullam."""
 
 CONTROLLERS: Registry[type[Controller]] = Registry("controller", {law.name: law for law in LAWS})

@@ -1,18 +1,18 @@
-"""Hybrid force and motion control on dc-PID+: push along one direction, follow the target in all others.
+"""Hybrid force and motion control on dc-PID+: push along a normal, follow the target elsewhere.
 
 Along a normal n (into what is touched) the target's position counts for nothing; the platform is
 driven at an approach speed v_a, and where something pushes back, by the force f that is wanted:
 
     a_n = K_d (v_a - v_n),    u_n += s (f - m K_d v_a),
 
-so that the tool, at rest against a wall (v_n = 0, s = 1), is pushed with f. s rises from 0 to 1 while
-the observer feels something push back, and falls while it does not: a lost contact is approached
-again at v_a. What the observer sees along n is held at its *tare*, the mean before the law engages:
-cancelling all of it would cancel the contact. Everything else, friction and the moment of the force
-at the tool among it, is rejected in full.
+so that the tool, at rest against a wall (v_n = 0, s = 1), is pushed with f. s rises from 0 to 1
+while the observer feels something push back, and falls while it does not: a lost contact is
+approached again at v_a. What the observer sees along n is held at its *tare*, the mean before the
+law engages: cancelling all of it would cancel the contact. Everything else, friction and the moment
+of the force at the tool among it, is rejected in full.
 
-How well f is met is how well the rotors are known: an unknown +-10 % of eight thrust coefficients is
-some 4 % of f, and the tare takes off what it does to the weight. Calibrate for the rest.
+How well f is met is how well the rotors are known: an unknown +-10 % of eight thrust coefficients
+is some 2 % of f, and the tare takes off what it does to the weight. `calibrate` for the rest.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fullam.checks import Checker
+from fullam.control.dc_pid import PidMemory, PreviousMemory
 from fullam.control.dc_pid_plus import (
     Beside,
     DcPidPlus,
@@ -34,10 +36,10 @@ from fullam.control.dc_pid_plus import (
     perceived,
     start_beside,
 )
-from fullam.control.dc_pid import PidMemory, PreviousMemory
 from fullam.control.law import LawKernels
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.spatial import Pose, Spatial
+from fullam.exceptions import SettingsError
 from fullam.numbers.kernel import Number, both, clip, kernel, select
 from fullam.numbers.vectors import Vector, axpy, dot, subtract
 
@@ -69,7 +71,8 @@ class HybridForceSettings(DcPidPlusSettings):
     def __post_init__(self) -> None:
         """Check the contact's numbers, then dc-PID+'s."""
         super().__post_init__()
-        self._become("normal", 3)
+        check = Checker(type(self).__name__, SettingsError)
+        object.__setattr__(self, "normal", check.vector("normal", self.normal, 3))
         if not np.linalg.norm(self.normal) > 0.0:
             raise self._wrong("normal", "say which way to push")
         for field in ("force", "approach_speed", "tare", "touch", "rise"):

@@ -151,7 +151,7 @@ def world_force(world, p, v):
 
 @kernel
 def touch(world, links, arm, pose, twist):
-    """Push of the world on the last link, about the origin of {A} in {A} axes; see `servo_motion`."""
+    """Push of the world on the last link about the origin of {A}, {A} axes; see `servo_motion`."""
     place, force = tool_force(world, arm, pose, twist)
     pushed = rotate_back(rotation_matrix(pose.attitude), force)
     return Spatial(pushed, cross(place, pushed))

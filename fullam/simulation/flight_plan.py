@@ -92,6 +92,7 @@ class FlightPlan:
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
+        scenario.check_plant(simulation.plant)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period

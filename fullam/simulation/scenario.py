@@ -16,6 +16,7 @@ from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
+from fullam.simulation.payload import Payload
 from fullam.simulation.references import Reference, Step
 from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
@@ -51,6 +52,7 @@ class Scenario:
         weather: What spoils the flight unless the caller says otherwise.
         shaping: How the reference is blended and anticipated before the law sees it.
         world: What the tool may touch.
+        payloads: What the tool picks up.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Scenario:
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
     world: tuple[Surface, ...] = ()
+    payloads: tuple[Payload, ...] = ()
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -91,11 +94,13 @@ class Scenario:
                 raise check.refuse(name, f"is {shown(value)}", "give an object that can tabulate")
         check.instance("weather", self.weather, Weather)
         check.instance("shaping", self.shaping, Shaping)
-        if not isinstance(self.world, list | tuple):
-            raise check.refuse("world", f"is {shown(self.world)}", "give a list of surfaces")
-        for thing in self.world:
-            check.instance("world", thing, Surface)
-        object.__setattr__(self, "world", tuple(self.world))
+        for name, cls in (("world", Surface), ("payloads", Payload)):
+            things = getattr(self, name)
+            if not isinstance(things, list | tuple):
+                raise check.refuse(name, f"is {shown(things)}", "give a list")
+            for thing in things:
+                check.instance(name, thing, cls)
+            object.__setattr__(self, name, tuple(things))
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
         if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
             raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
@@ -111,7 +116,22 @@ class Scenario:
     @property
     def plant(self) -> str:
         """The plant that it needs: what touches something has joints that yield."""
-        return "servo" if self.world else "prescribed"
+        return "servo" if self.world or self.payloads else "prescribed"
+
+    def check_plant(self, plant: str) -> None:
+        """Refuse a plant in which nothing can be touched or carried, if something is to be.
+
+        Raises:
+            ScenarioError: Joints that follow their motion exactly yield to nothing.
+        """
+        if plant == "prescribed" and self.plant != plant:
+            what = "world" if self.world else "payloads"
+            raise ScenarioError(
+                f"scenario '{self.name}'",
+                what,
+                "needs joints that yield, and the plant is 'prescribed'",
+                f"leave plant out, or choose '{self.plant}'",
+            )
 
     @property
     def initial_pose(self) -> Array:
@@ -152,7 +172,8 @@ class Scenario:
         data["arm_motion"] = references.to_dict(self.arm_motion)
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
-        data["world"] = [thing.to_dict() for thing in self.world]
+        for name in ("world", "payloads"):
+            data[name] = [thing.to_dict() for thing in getattr(self, name)]
         return data
 
     @classmethod
@@ -188,8 +209,9 @@ class Scenario:
             values["weather"] = Weather.from_dict(values["weather"])
         if "shaping" in values:
             values["shaping"] = Shaping.from_dict(values["shaping"])
-        if isinstance(values.get("world"), list | tuple):
-            values["world"] = tuple(surface(table) for table in values["world"])
+        for name, read in (("world", surface), ("payloads", Payload.from_dict)):
+            if isinstance(values.get(name), list | tuple):
+                values[name] = tuple(read(table) for table in values[name])
         return values
 
 

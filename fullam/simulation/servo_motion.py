@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from fullam.dynamics.articulated import push_last, sweep_out, swept_acceleration
 from fullam.dynamics.integrators import half_steps, integrator
 from fullam.dynamics.multibody import ROOT
-from fullam.dynamics.recursion import JointMotion, gravity_in
+from fullam.dynamics.recursion import JointMotion, Link, gravity_in
 from fullam.dynamics.servo import servo_torque
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
@@ -248,8 +248,25 @@ class PinocchioJoints:
         self._model.armature = np.append(np.zeros(6), servos.armature)
         self._data = self._model.createData()
         self._q, self._v = vehicle.neutral(), np.zeros(self._model.nv)
+        self._carried: Link | None = None
         self._forces = pin.StdVec_Force()
         self._forces.extend([pin.Force.Zero() for _ in range(self._model.njoints)])
+
+    def carry(self, link: Link, frame: Array) -> None:
+        """Give the last body the mass properties of a link; `frame` turns its axes to the model's.
+
+        Nothing happens while they stay as they are.
+        """
+        if link == self._carried:
+            return
+        self._carried = link
+        inertia = np.zeros((3, 3))
+        inertia[np.triu_indices(3)] = link.inertia
+        inertia += np.triu(inertia, 1).T
+        last = self._model.njoints - 1
+        self._model.inertias[last] = pin.Inertia(
+            link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T
+        )
 
     def __call__(
         self, system: ServoSystem, pose: Any, twist: Spatial, wrench: Spatial, push: Spatial

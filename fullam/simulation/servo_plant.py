@@ -18,13 +18,16 @@ from fullam.control.arm_feedback import (
 )
 from fullam.control.arm_goals import FEED_FORWARD, GoalNumbers, GoalView, steer
 from fullam.dynamics.articulated import ArmRows
+from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView
 from fullam.dynamics.recursion import Joint, JointMotion, Link
 from fullam.dynamics.servo import ServoNumbers
+from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
 from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
+from fullam.simulation.payload import LoadView, load, load_rows
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -50,6 +53,8 @@ class ServoPlant(Plant):
         goals: The servos' goals.
         entries: The joints' part of the record, (periods, n), if it is kept.
         world: What the tool may touch, `contact.World`; None if there is nothing.
+        loads: What the tool carries and when, `Load` rows; None if it never carries anything.
+        links: The true links, with what is carried.
         touches: The force of the world on the tool, a row a period, if the record is kept.
     """
 
@@ -63,7 +68,7 @@ class ServoPlant(Plant):
         assert isinstance(settings, ServoSettings)
         self.settings = settings
         self.servos = Rows(ServoNumbers, plan.nominal.servos.rows)
-        # One a lane, as the true ones: what is placed on them then has lanes from the first link on.
+        # One a lane, as the true ones: what is placed on them has lanes from the first link on.
         self._links = self._empty(Link, n + 1)
         links = around.tables.links.array
         self._links.array[:] = links[..., None] if around.lanes else links
@@ -79,6 +84,9 @@ class ServoPlant(Plant):
         self.world = world_rows(plan.nominal, surfaces) if surfaces else None
         self._contact = no_contact if self.world is None else touch
         self.touches = self._empty(Vector, around.kept)
+        payloads, period = plan.scenario.payloads, plan.simulation.control_period
+        self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
+        self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             self._empty(JointMotion, 1, n),
             self._empty(Joint, 1, n),
@@ -111,6 +119,9 @@ class ServoPlant(Plant):
         solve = PinocchioJoints(plan.true, plan.nominal.servos)
         move = servo_stage(plan.simulation.integrator, solve, self._contact)
         own = {name: (s.kernel, look(s.view)) for name, s in self._own_stages().items()}
+        if self.loads is not None:
+            frame = LinkRows.of(LinkChain.from_model(plan.nominal.model)).frames[-1]
+            own["load"] = (carrying(solve, frame), own["load"][1])
         return own | {"move": (move, look(self._view()))}
 
     def _own_stages(self) -> dict[str, Stage]:
@@ -118,13 +129,16 @@ class ServoPlant(Plant):
             "steer": Stage(steer, self._goal_view()),
             "encode": Stage(FEEDBACK[self.settings.feedback], self._encode_view()),
         }
+        if self.loads is not None:
+            carried = LoadView(self.links, self.around.drawn.links, self.loads)
+            stages["load"] = Stage(load, carried)
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
             if self.world is not None:
                 touched = TouchView(
                     self.around.state,
-                    self.around.drawn.links,
+                    self.links,
                     self.arm,
                     self._room,
                     self.world,
@@ -173,7 +187,7 @@ class ServoPlant(Plant):
         a = self.around
         return ServoView(
             a.state,
-            a.drawn.links,
+            self.links,
             a.drawn.rotors,
             a.tables.stepping,
             a.drawn.gust,
@@ -208,3 +222,13 @@ class ServoPlant(Plant):
         """See `Plant`: the hand moves what the servos are asked."""
         wanted = {"motions": arm, "joint_rows": rows}
         return {"steer": wanted, "encode": wanted}
+
+
+def carrying(solve: PinocchioJoints, frame: Array) -> Callable[[Any, int], None]:
+    """The stage `load` that tells Pinocchio as well; `frame` turns the last row's axes to its."""
+
+    def load_both(view: LoadView, k: int) -> None:
+        load(view, k)
+        solve.carry(view.links[-1], frame)
+
+    return load_both

@@ -32,7 +32,7 @@ class Surface:
 
     Attributes:
         stiffness: k [N/m^(3/2)]; 1e5 gives way by a millimetre under 3 N.
-        dissipation: c [s/m]; a body that comes in slowly at v leaves with about 1 - 2 c v / 3 of it.
+        dissipation: c [s/m]; what comes in slowly at v leaves with about 1 - 2 c v / 3 of it.
         friction: mu.
         slip: s, the speed below which friction is no longer full [m/s].
     """
