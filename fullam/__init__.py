@@ -19,8 +19,10 @@ import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.references import Circle, Step, Waypoints
+from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
+from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.reference_table import ReferenceTable
+from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import (
     Scenario,
@@ -90,11 +92,14 @@ def __dir__() -> list[str]:
 __all__ = [
     "Allocation",
     "Allocator",
+    "ArmTable",
     "Circle",
     "Controller",
     "FullamError",
     "HoldArm",
+    "JointTrajectory",
     "Metrics",
+    "ReferenceTable",
     "Rotors",
     "Run",
     "Scenario",
@@ -102,6 +107,7 @@ __all__ = [
     "SimulationSettings",
     "SineRate",
     "Step",
+    "Trajectory",
     "Vehicle",
     "VehicleDesign",
     "Waypoints",

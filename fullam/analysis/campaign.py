@@ -131,6 +131,9 @@ class Campaign:
         self._fix(drivers=drivers)
         for scenario, contender in itertools.product(scenarios, contenders):
             self.plan(scenario, contender)
+        # Workers and rows get a motion of one's own as the rows that every plan of it has.
+        flown = tuple(self.plan(scenario, contenders[0]).scenario for scenario in scenarios)
+        self._fix(scenarios=flown)
 
     def _fix(self, **values: Any) -> None:
         """Set fields while this is being made."""

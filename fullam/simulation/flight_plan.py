@@ -40,7 +40,7 @@ class FlightPlan:
     """All that a flight is made of, fixed before it starts.
 
     Attributes:
-        scenario: The experiment.
+        scenario: The experiment, motions of one's own as rows.
         nominal: The vehicle as the controller knows it.
         controller: Name of the controller.
         settings: Its settings.
@@ -86,7 +86,8 @@ class FlightPlan:
         Raises:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
-                memory, or the seed is no whole number from 0 on.
+                memory or a motion of one's own more rows than fit into a record, or the seed is no
+                whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
@@ -104,6 +105,7 @@ class FlightPlan:
             vehicle.joints,
         )
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
+        scenario = scenario.with_rows(asked, arm, 0.5 * simulation.plant_period)
         start, anticipation = scenario.initial_pose, None
         reference = scenario.shaping.blend(asked, start)
         if scenario.shaping.anticipates(asked, start):

@@ -32,8 +32,9 @@ Array = NDArray[Any]
 MOST_BYTES = 4 << 30
 """All columns of the largest run together."""
 
-MOST_METADATA = 32 << 20
-"""The metadata of a run; ours have some ten thousand characters, of four bytes each."""
+MOST_METADATA = 256 << 20
+"""The metadata of a run; ours have some ten thousand characters, of four bytes each, and up to
+48 millions with the rows of motions of one's own."""
 
 UNIT_QUATERNION = 1e-3
 """How far a quaternion may be from unit length; what is recorded is normalised to 1e-9."""

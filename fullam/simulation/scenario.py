@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,13 @@ from fullam.model.vehicle import Vehicle
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
+from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.joint_trajectory import JointTrajectory
+from fullam.simulation.motion_files import with_files_read
+from fullam.simulation.motion_rows import ArmRows, ReferenceRows
 from fullam.simulation.payload import Payload
-from fullam.simulation.references import Reference, Step
+from fullam.simulation.reference_table import Reference, ReferenceTable, name_of
+from fullam.simulation.references import Step
 from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
@@ -43,9 +48,10 @@ class Scenario:
         initial_position: Position of {A} at the start [m].
         initial_euler_deg: x-y-z Euler angles at the start [deg].
         initial_arm_deg: Joint positions at the start: degrees of a revolute joint, METRES of a
-            prismatic one; empty means at rest, 0 or the limit nearest to it.
-        reference: Where the platform should be.
-        arm_motion: How the arm moves.
+            prismatic one; empty means where a `JointTrajectory` begins, and else at rest, 0 or
+            the limit nearest to it.
+        reference: Where the platform should be: any `reference_table.Reference`.
+        arm_motion: How the arm moves: any `arm_motion.ArmMotion`.
         duration: Length of the flight [s].
         axes: The controlled axes, out of `AXES`: of the world for the law, of {A} for the
             allocation. A platform that cannot control them all is meant to stay near level.
@@ -91,7 +97,8 @@ class Scenario:
         for name in ("reference", "arm_motion"):  # a user may bring a class of another kind
             value = getattr(self, name)
             if isinstance(value, type) or not callable(getattr(value, "tabulate", None)):
-                raise check.refuse(name, f"is {shown(value)}", "give an object that can tabulate")
+                remedy = "give an object with the method tabulate, as a Step or a HoldArm is"
+                raise check.refuse(name, f"is {shown(value)}", remedy)
         check.instance("weather", self.weather, Weather)
         check.instance("shaping", self.shaping, Shaping)
         for name, cls in (("world", Surface), ("payloads", Payload)):
@@ -155,6 +162,8 @@ class Scenario:
                 f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints [{joints.unit_list}]",
             )
         positions = joints.from_typed(typed) if typed else joints.rest
+        if not typed and isinstance(self.arm_motion, JointTrajectory):
+            positions = self.arm_motion.start(joints)
         problem = joints.position_problem(positions)
         if problem is not None:
             raise ScenarioError(
@@ -165,11 +174,40 @@ class Scenario:
             )
         return positions
 
+    def with_rows(self, asked: ReferenceTable, arm: ArmTable, half_step: float) -> Scenario:
+        """The same with motions of one's own replaced by their rows, which a record can keep.
+
+        Args:
+            asked: The reference on the control grid.
+            arm: The arm's motion on the plant's half steps.
+            half_step: Time between those [s].
+
+        Raises:
+            ScenarioError: The flight is too long for a record to keep them.
+        """
+        rows: dict[str, Any] = {}
+        if not references.is_kind(self.reference, references.KINDS):
+            rows["reference"] = ReferenceRows.of(asked, name_of(self.reference))
+        if not references.is_kind(self.arm_motion, arm_motion.KINDS):
+            rows["arm_motion"] = ArmRows.of(arm, half_step, name_of(self.arm_motion))
+        return replace(self, **rows) if rows else self
+
     def to_dict(self) -> dict[str, Any]:
-        """JSON values; `from_dict` is the inverse."""
+        """JSON values; `from_dict` is the inverse.
+
+        Raises:
+            ScenarioError: A motion is an object of one's own; in a plan's scenario it is rows.
+        """
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        data["reference"] = references.to_dict(self.reference)
-        data["arm_motion"] = references.to_dict(self.arm_motion)
+        for name, kinds in (("reference", references.KINDS), ("arm_motion", arm_motion.KINDS)):
+            if not references.is_kind(data[name], kinds):
+                raise ScenarioError(
+                    f"scenario '{self.name}'",
+                    name,
+                    f"'{name_of(data[name])}' is no kind that a file can name",
+                    "take the scenario of a plan, prepare(...).scenario, which holds its rows",
+                )
+            data[name] = references.to_dict(data[name])
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
         for name in ("world", "payloads"):
@@ -195,14 +233,12 @@ class Scenario:
     @staticmethod
     def _values(values: dict[str, Any]) -> dict[str, Any]:
         """The fields with their tables turned into objects."""
-        if "reference" in values:
-            values["reference"] = references.from_dict(
-                references.KINDS, "reference", values["reference"]
-            )
-        if "arm_motion" in values:
-            values["arm_motion"] = references.from_dict(
-                arm_motion.KINDS, "arm motion", values["arm_motion"]
-            )
+        for name, what, kinds in (
+            ("reference", "reference", references.KINDS),
+            ("arm_motion", "arm motion", arm_motion.KINDS),
+        ):
+            if name in values and not callable(getattr(values[name], "tabulate", None)):
+                values[name] = references.from_dict(kinds, what, values[name])
         if isinstance(values.get("weather"), str):
             values["weather"] = named_weather(values["weather"])
         elif "weather" in values:
@@ -233,6 +269,9 @@ def scenario_names() -> tuple[str, ...]:
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """The registered scenario of that name, or one read from a TOML file.
 
+    Its motions may be those of CSV files, {kind = "csv", path = ...}, with paths that begin at the
+    TOML's folder.
+
     Raises:
         UnknownName: Neither a registered name nor an existing file.
         ScenarioError: The file is no TOML, or does not describe a scenario; names file and field.
@@ -249,7 +288,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         return _REGISTRY[str(name_or_path)]
     data = read_toml(path, Checker(str(path), ScenarioError))
     try:
-        return Scenario.from_dict(data)
+        return Scenario.from_dict(with_files_read(data, path.parent))
     except InvalidInput as error:
         raise ScenarioError(
             f"{path}: {error.where}", error.field, error.problem, error.remedy

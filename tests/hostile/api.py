@@ -24,8 +24,9 @@ from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.model.perturbation import Uncertainty, perturb
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.references import Circle, Step, Waypoints
+from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
+from fullam.simulation.motion_rows import ReferenceRows
+from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario, register_scenario
 from fullam.simulation.settings import SimulationSettings
@@ -52,6 +53,29 @@ WRONG: tuple[Any, ...] = (
 def settings_of(law: str) -> Callable[..., Any]:
     """Makes the settings of a law, each given by name."""
     return lambda **changes: make_settings(law, changes)
+
+
+def smooth_motions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
+    """Smooth motions of platform and arm, whatever they are made from."""
+    times, points, angles = (0.0, 1.0), ((0, 0, 1), (1, 0, 1)), ((0, 0, 0), (0, 0, 9))
+    quaternions, velocities = ((0.0, 0.0, 0.0, 1.0),) * 2, ((1, 0, 0),) * 2
+    choices = {"degree": 3, "ends": "free", "at": 0.5}
+    through = {"waypoints": points, "times": times, "euler_deg": angles, "at": 0.5}
+    joints = {"waypoints_deg": angles, "times": times, "joints": ("a", "b", "c"), "at": 0.5}
+    rows = {"times": times, "positions": points, "quaternions": quaternions}
+    arm = {"times": times, "positions_deg": points, "joints": ("a", "b", "c")}
+    return [
+        (Trajectory, {**rows, "velocities": velocities, **choices}),
+        (Trajectory.from_arrays, {"t": times, "position": points, "euler_deg": angles, **choices}),
+        (Trajectory.from_csv, {"path": Path(__file__).with_name("tour.csv"), **choices}),
+        (Trajectory.minimum_snap, through),
+        (Trajectory.b_spline, {**through, "degree": 5}),
+        (JointTrajectory, {**arm, "units": ("deg", "m", "deg"), **choices}),
+        (JointTrajectory.from_arrays, {"t": times, "positions_deg": points, **choices}),
+        (JointTrajectory.minimum_snap, joints),
+        (JointTrajectory.b_spline, {**joints, "degree": 5}),
+        (ReferenceRows, {"period": 0.01, "packed": "abcd", "made_by": "x"}),
+    ]
 
 
 def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
@@ -92,6 +116,7 @@ def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (Waypoints, {"times": (0.0,), "positions": ((0, 0, 1),), "euler_deg": ((0, 0, 0),)}),
         (Circle, {"center": (0, 0, 1), "radius": 1.0, "period": 6.0, "euler_deg": (0, 0, 0)}),
         (SineRate, {"joint": 3, "rate": 0.5, "frequency": 1.0}),
+        *smooth_motions(),
         (Scenario, {f: getattr(scenario, f) for f in Scenario.__dataclass_fields__}),
         (Scenario.from_dict, {"data": scenario.to_dict()}),
         (load_scenario, {"name_or_path": "task-1"}),
