@@ -15,7 +15,8 @@ import fullam.interrupt  # first of all, so that Ctrl-C during the other imports
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import fullam.simulation.catalogue  # noqa: F401 - registers the scenarios
+import fullam.simulation.catalogue
+import fullam.simulation.interaction  # noqa: F401 - and those that touch things
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
