@@ -227,7 +227,7 @@ class HybridForce(DcPidPlus):
     settings: HybridForceSettings
 
     @property
-    def Memory(self) -> type:
+    def Memory(self) -> type:  # type: ignore[override]
         """What the law remembers."""
         return HybridPreviousMemory if self.previous else HybridMemory
 

@@ -78,26 +78,31 @@ def prepare(
     settings = choices.get("settings")
     if settings is None or isinstance(settings, Mapping):
         settings = make_settings(controller, settings)
-    simulation = choices.get("simulation")
-    plant = choices.get("plant")
+    return FlightPlan.prepare(
+        scenario,
+        vehicle,
+        controller,
+        settings,
+        _simulation(scenario, choices.get("simulation"), choices.get("plant")),
+        _weather(choices.get("weather"), choices.get("calm", False)) or scenario.weather,
+        choices.get("seed", 0),
+    )
+
+
+def _simulation(
+    scenario: Scenario, simulation: SimulationSettings | Mapping[str, Any] | None, plant: str | None
+) -> SimulationSettings:
+    """The simulation's settings, with the plant that was chosen or that the scenario needs."""
     if plant is None and scenario.plant != "prescribed":
         plant = scenario.plant
     if not isinstance(simulation, SimulationSettings):
         own = {} if simulation is None else simulation
         if plant is not None and isinstance(own, Mapping):
             own = {**own, "plant": plant}
-        simulation = SimulationSettings.from_dict(own)
-    elif plant is not None and plant != simulation.plant:
-        simulation = replace(simulation, plant=plant, plant_settings={})
-    return FlightPlan.prepare(
-        scenario,
-        vehicle,
-        controller,
-        settings,
-        simulation,
-        _weather(choices.get("weather"), choices.get("calm", False)) or scenario.weather,
-        choices.get("seed", 0),
-    )
+        return SimulationSettings.from_dict(own)
+    if plant is not None and plant != simulation.plant:
+        return replace(simulation, plant=plant, plant_settings={})
+    return simulation
 
 
 def _weather(weather: Weather | str | None, calm: bool) -> Weather | None:
