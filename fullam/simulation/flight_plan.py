@@ -28,6 +28,7 @@ from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.tool_solution import with_tool_solved
 from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.weather import Forecast, Weather, forecast
 
@@ -42,7 +43,7 @@ class FlightPlan:
     """All that a flight is made of, fixed before it starts.
 
     Attributes:
-        scenario: The experiment, motions of one's own as rows.
+        scenario: The experiment, motions of one's own as rows and a tool's task solved.
         nominal: The vehicle as the controller knows it.
         controller: Name of the controller.
         settings: Its settings.
@@ -99,6 +100,7 @@ class FlightPlan:
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
+        scenario = with_tool_solved(scenario, vehicle)
         scenario.check_plant(simulation.plant)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
