@@ -24,6 +24,7 @@ from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
+from fullam.simulation.plant_settings import plant_settings
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -86,12 +87,15 @@ class FlightPlan:
         Raises:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
-                memory, or the seed is no whole number from 0 on.
+                memory, its steps are too long for the servos, or the seed is no whole number from
+                0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
+        plant = plant_settings(simulation.plant, simulation.plant_settings)
+        plant.check_step(vehicle, simulation.integrator, simulation.plant_period)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period

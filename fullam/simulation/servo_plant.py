@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fullam.control.arm_feedback import (
     DIFFERENCE_LAG,
     FEEDBACK,
-    SLOWEST_STEP,
+    LONGEST_STEP,
     EncodeView,
     FeedbackNumbers,
 )
@@ -59,7 +59,7 @@ class ServoPlant(Plant):
         assert isinstance(settings, ServoSettings)
         self.settings = settings
         self.servos = Rows(ServoNumbers, plan.nominal.servos.rows)
-        # One a lane, as the true ones: what is placed on them then has lanes from the first link on.
+        # For each lane, as the true ones are: what is placed on them has lanes from the first on.
         self._links = self._empty(Link, n + 1)
         links = around.tables.links.array
         self._links.array[:] = links[..., None] if around.lanes else links
@@ -132,7 +132,7 @@ class ServoPlant(Plant):
         period = t.plan.simulation.control_period
         numbers = FeedbackNumbers(
             period,
-            float(max(1, math.ceil(period / SLOWEST_STEP - 1e-9))),
+            self._twin_steps(period),
             t.plan.nominal.gravity,
             1.0 - math.exp(-period / DIFFERENCE_LAG),
         )
@@ -148,6 +148,12 @@ class ServoPlant(Plant):
             self._twin_room,
             PlaceView(self._links, seen.motions, seen.joints, seen.centers),
         )
+
+    def _twin_steps(self, period: float) -> float:
+        """Time steps of the twin in a control period."""
+        servos = self.around.tables.plan.nominal.servos
+        fastest = float(np.max(servos.damping / servos.armature, initial=0.0))
+        return float(max(1, math.ceil(period * fastest / LONGEST_STEP - 0.05)))
 
     def _view(self) -> ServoView:
         a = self.around
