@@ -60,9 +60,8 @@ class ServoPlant(Plant):
         self.settings = settings
         self.servos = Rows(ServoNumbers, plan.nominal.servos.rows)
         # For each lane, as the true ones are: what is placed on them has lanes from the first on.
-        self._links = self._empty(Link, n + 1)
-        links = around.tables.links.array
-        self._links.array[:] = links[..., None] if around.lanes else links
+        own, links = self._empty(Link, n + 1), around.tables.links.array
+        own.array[:] = links[..., None] if around.lanes else links
         self.arm: Rows = self._empty(JointMotion, n)
         self.goals = self._empty(float, n)
         self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
@@ -72,6 +71,7 @@ class ServoPlant(Plant):
         self._twin_room = ArmRows.empty(n, around.lanes)
         self.entries = self._empty(ArmEntry, around.kept, n)
         self.seen = SeenArm(
+            own,
             self._empty(JointMotion, 1, n),
             self._empty(Joint, 1, n),
             self._empty(Vector, 1),
@@ -118,7 +118,7 @@ class ServoPlant(Plant):
         shares = FEED_FORWARD[self.settings.feed_forward]
         return GoalView(
             Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
-            self._links,
+            self.seen.links,
             self.servos,
             t.motions,
             t.joint_rows,
@@ -146,7 +146,7 @@ class ServoPlant(Plant):
             self.around.estimate,
             self._memory,
             self._twin_room,
-            PlaceView(self._links, seen.motions, seen.joints, seen.centers),
+            PlaceView(self.seen.links, seen.motions, seen.joints, seen.centers),
         )
 
     def _twin_steps(self, period: float) -> float:
