@@ -210,10 +210,9 @@ class Block:
 
     def command_view(self, joints: Rows) -> CommandView:
         """What the law's first stage is shown; `joints` as the law wants to see them."""
-        t = self.tables
         return CommandView(
             self._law_numbers,
-            t.links,
+            self.plant.seen.links,
             joints,
             self.plant.seen.rows,
             self.target,
@@ -240,10 +239,9 @@ class Block:
 
     def inform_view(self, joints: Rows) -> InformView:
         """What the law's second stage is shown."""
-        t = self.tables
         return InformView(
             self._law_numbers,
-            t.links,
+            self.plant.seen.links,
             joints,
             self.plant.seen.rows,
             self.estimate,
