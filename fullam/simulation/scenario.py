@@ -13,6 +13,7 @@ from fullam.checks import Checker, positive, read_toml, shown
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import discover
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
@@ -246,7 +247,7 @@ class Scenario:
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
         """Build a scenario from plain data.
 
-        `weather` may be a name ("calm", "recorded", "paper") or a table of its fields.
+        `weather` may be a name ("calm", "recorded", "paper", "sold") or a table of its fields.
 
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.
@@ -292,7 +293,8 @@ def register_scenario(scenario: Scenario) -> Scenario:
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the registered scenarios, in the order of registration."""
+    """Names of the registered scenarios, in the order of registration; those of plugins too."""
+    discover()
     return tuple(_REGISTRY)
 
 
