@@ -1,0 +1,196 @@
+"""Tables of keys and settings in Markdown, from dataclasses and from tables of `Key`."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import typing
+from collections.abc import Iterable
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Any, Literal
+
+from fullam.model.definition_keys import REQUIRED, Key
+
+UNIT = re.compile(r"\s*\[((?:1|-|m|s|N|kg|rad|deg|Hz|rpm|[ */^()0-9,.-]|or|periods)+)\]")
+"""A unit in a docstring, as in "Mass [kg]"."""
+
+WORDS = {
+    "float": "number", "int": "whole number", "bool": "true or false", "str": "text",
+    "None": "none", "Any": "see there", "Mapping[str, Any]": "table",
+    "Reference": "table, see below", "ArmMotion": "table, see below",
+    "Weather": "name or table, see below", "Shaping": "table, see below",
+    "Uncertainty": "table, see below",
+}  # fmt: skip
+"""Types as whoever types a TOML says them."""
+
+COUNTS = ("", "one", "two", "three", "four", "five", "six", "seven", "eight")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table: name, kind, default, unit and meaning, each Markdown."""
+
+    name: str
+    kind: str
+    default: str
+    unit: str
+    meaning: str
+
+
+def of_keys(table: Iterable[Key]) -> list[Row]:
+    """The rows of a table of keys."""
+    return [
+        Row(f"`{k.name}`", k.kind, shown_key(k), unit(k.unit), inline(k.meaning)) for k in table
+    ]
+
+
+def shown_key(key: Key) -> str:
+    """The default of a key: words are words, an example of a value is code."""
+    if key.default is REQUIRED:
+        return "**required**"
+    if isinstance(key.default, str):
+        return key.default or '`""`'
+    return shown(key.default)
+
+
+def of_dataclass(cls: type[Any], without: Iterable[str] = ()) -> list[Row]:
+    """The rows of a dataclass: its fields, with what its docstrings say of them.
+
+    Raises:
+        LookupError: A field that no docstring of the class or its bases explains.
+    """
+    assert is_dataclass(cls)
+    told = attributes(cls)
+    rows = []
+    for field in fields(cls):
+        if field.name in set(without):
+            continue
+        if field.name not in told:
+            raise LookupError(f"{cls.__qualname__}.{field.name} is not in the docstring")
+        text = told[field.name]
+        units = UNIT.findall(text)
+        if len(units) == 1:
+            text = UNIT.sub("", text)
+        default = "**required**"
+        if field.default is not MISSING:
+            default = shown(field.default)
+        elif field.default_factory is not MISSING:
+            default = shown(field.default_factory())
+        rows.append(
+            Row(f"`{field.name}`", kind_of(cls, field.type), default, _units(units), inline(text))
+        )
+    return rows
+
+
+def _units(units: list[str]) -> str:
+    return unit(", ".join(dict.fromkeys(units)))
+
+
+def attributes(cls: type[Any]) -> dict[str, str]:
+    """What the docstrings of a class and its bases say of its attributes."""
+    told: dict[str, str] = {}
+    for base in cls.__mro__:
+        text = inspect.cleandoc(base.__doc__ or "")
+        _, found, section = text.partition("Attributes:\n")
+        if not found:
+            continue
+        section = section.split("\n\n")[0] if not section.startswith("    ") else section
+        for entry in re.findall(r"^    (\w+): (.*(?:\n        .*)*)", section, re.MULTILINE):
+            told.setdefault(entry[0], " ".join(entry[1].split()))
+    return told
+
+
+def kind_of(cls: type[Any], annotation: Any) -> str:
+    """The type of a field, in words."""
+    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "?")
+    if text.startswith("Literal["):
+        hints = typing.get_type_hints(cls)
+        for hint in hints.values():
+            if typing.get_origin(hint) is Literal and _same(hint, text):
+                return "one of " + ", ".join(f"`{choice}`" for choice in typing.get_args(hint))
+    return _words(text)
+
+
+def _same(hint: Any, text: str) -> bool:
+    return all(f'"{choice}"' in text for choice in typing.get_args(hint))
+
+
+def _words(text: str) -> str:
+    text = text.strip()
+    if text in WORDS:
+        return WORDS[text]
+    if " | " in text and "[" not in text.partition(" | ")[0]:
+        return " or ".join(_words(part) for part in text.split(" | "))
+    if text.endswith("| None"):
+        return f"{_words(text.removesuffix('| None'))} or none"
+    if match := re.fullmatch(r"tuple\[(.*)\]", text):
+        inner = _split(match[1])
+        if inner[-1] == "...":
+            return "list of " + _plural(_words(inner[0]))
+        if len(set(inner)) == 1:
+            return f"{COUNTS[len(inner)]} {_plural(_words(inner[0]))}"
+    return f"`{text}`"
+
+
+def _plural(word: str) -> str:
+    return {"text": "texts", "number": "numbers"}.get(word, word)
+
+
+def _split(text: str) -> list[str]:
+    """The parts between commas that are in no bracket."""
+    parts, depth = [""], 0
+    for c in text:
+        depth += (c == "[") - (c == "]")
+        if c == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return [part.strip() for part in parts if part.strip()]
+
+
+def shown(value: Any) -> str:
+    """A default as a TOML writes it."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, tuple | list):
+        return "`[" + ", ".join(shown(entry).strip("`") for entry in value) + "]`"
+    if isinstance(value, str):
+        return f'`"{value}"`'
+    if isinstance(value, dict):
+        return "`{}`" if not value else f"`{value}`"
+    if is_dataclass(value):
+        return "its own defaults"
+    return f"`{value}`"
+
+
+def unit(text: str) -> str:
+    """A unit with its powers raised."""
+    return re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", text).replace("-", "–") if text != "-" else "–"
+
+
+def inline(text: str) -> str:
+    """A sentence of a docstring as a cell of a Markdown table."""
+    text = text.replace("|", "\\|").replace("<", "&lt;")
+    # Outside code, underscores and stars are letters.
+    parts = re.split(r"(`[^`]*`)", text)
+    return "".join(p if p.startswith("`") else re.sub(r"([*_\[\]])", r"\\\1", p) for p in parts)
+
+
+def markdown(rows: list[Row], first: str = "key") -> str:
+    """The table; columns that are empty all the way down are left out."""
+    heads = {"name": first, "kind": "type", "default": "default", "unit": "unit",
+             "meaning": "meaning"}  # fmt: skip
+    used = [n for n in heads if n in ("name", "meaning") or any(getattr(r, n) for r in rows)]
+    lines = [
+        "| " + " | ".join(heads[n] for n in used) + " |",
+        "|" + "---|" * len(used),
+        *("| " + " | ".join(getattr(r, n) for n in used) + " |" for r in rows),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def summary(thing: Any) -> str:
+    """First paragraph of a docstring."""
+    return inline(" ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split()))
