@@ -15,12 +15,11 @@ ROOT = HERE.parents[1]
 LAID_OUT = ROOT / "out" / "book"
 sys.path[:0] = [str(HERE), str(ROOT)]
 
-import nbformat  # noqa: E402
-from sphinx.cmd.build import main as sphinx  # noqa: E402
-
-from fullam_book import chapters  # noqa: E402
-from fullam_book.cells import as_page  # noqa: E402
-from fullam_book.executed import FOLDER, NOTEBOOKS, executed  # noqa: E402
+import nbformat
+from fullam_book import chapters
+from fullam_book.cells import as_page
+from fullam_book.executed import FOLDER, NOTEBOOKS, executed
+from sphinx.cmd.build import main as sphinx
 
 
 def lay_out(site: Path) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 
-from fullam.version import __version__  # noqa: E402
-from fullam.viz.style import BLUE, SKY  # noqa: E402
+from fullam.version import __version__
+from fullam.viz.style import BLUE, SKY
 
 project = "fullam"
 author = "The fullam developers"
@@ -50,6 +50,7 @@ nitpick_ignore_regex = [  # type variables and private bases, of which autodoc m
 ]
 python_maximum_signature_line_length = 88
 toc_object_entries_show_parents = "hide"
+
 
 # Looks: the theme's, with the blue of the figures as its one accent.
 def accent(colour: str) -> dict[str, str]:

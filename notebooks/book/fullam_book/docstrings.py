@@ -16,11 +16,17 @@ from sphinx.pycode import ModuleAnalyzer
 from sphinx.transforms import SphinxTransform
 
 SECTION = re.compile(r"(Args|Attributes|Returns|Raises|Yields|Note|Example|Examples):$")
+HANGING = re.compile(
+    rf"(?<=\n\n)(?!{SECTION.pattern}|[-*\d] )\S[^\n]*(?:\n\S[^\n]*)*\n +\S[^\n]*(?:\n[^\n]+)*", re.M
+)
+"""A paragraph that is no section and no list, and has lines that begin further in."""
+
 CODE = re.compile(r"(`+)([^`]+)\1")
 
 
 def readable(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Rewrite a docstring in place, before napoleon reads its sections."""
+    lines[:] = set_off(lines)
     text: list[str] = []
     in_section = verbatim = False
     for index, line in enumerate(lines):
@@ -35,6 +41,12 @@ def readable(app: Any, what: str, name: str, obj: Any, options: Any, lines: list
             verbatim = True
         text.append(line if verbatim else escaped(line))
     lines[:] = text
+
+
+def set_off(lines: list[str]) -> list[str]:
+    """The lines with tables of words, whose lines hang below the first, moved in by four."""
+    text = "\n".join(lines)
+    return re.sub(HANGING, lambda table: re.sub("(?m)^", "    ", table[0]), text).split("\n")
 
 
 def escaped(line: str) -> str:

@@ -32,9 +32,7 @@ def statements() -> str:
         "the code and the tests that hold it. `fullam equations N` shows the same.",
         "## Symbols",
         "| symbol | stands for | unit, frame |\n|---|---|---|\n"
-        + "\n".join(
-            f"| `{s.symbol}` | {inline(s.meaning)} | {inline(s.unit)} |" for s in SYMBOLS
-        ),
+        + "\n".join(f"| `{s.symbol}` | {inline(s.meaning)} | {inline(s.unit)} |" for s in SYMBOLS),
     ]
     for title, numbers in GROUPS:
         lines.append(f"## {title}")

@@ -58,7 +58,7 @@ def vehicle() -> str:
     design = section(
         "`[design]`",
         "The parameters from which fullam writes the URDF of a vehicle with a ring of rotors and a "
-        "Craig chain: `fullam.design_vehicle(\"fullam\", rotor_count=6)` changes some of them. "
+        'Craig chain: `fullam.design_vehicle("fullam", rotor_count=6)` changes some of them. '
         "A vehicle that has a URDF needs none of this.",
         markdown(of_dataclass(VehicleDesign, without=("where",))),
     )
@@ -93,11 +93,14 @@ A key that is not in these tables is refused, by name.
 {section("The file", f"The axes are {', '.join(AXES)}.", markdown(of_dataclass(Scenario)))}
 {kinds("reference", "reference", references.KINDS)}
 {kinds("arm_motion", "arm motion", arm_motion.KINDS)}
-{section("`[weather]`", f"A name, one of {weathers}, or a table.",
-         markdown(of_dataclass(Weather)))}
-{section("`[weather.uncertainty]`",
-         f"Parameters: {', '.join(PARAMETERS)}; by default {', '.join(DEFAULT_PARAMETERS)}.",
-         markdown(of_dataclass(Uncertainty)))}
+{section("`[weather]`", f"A name, one of {weathers}, or a table.", markdown(of_dataclass(Weather)))}
+{
+        section(
+            "`[weather.uncertainty]`",
+            f"Parameters: {', '.join(PARAMETERS)}; by default {', '.join(DEFAULT_PARAMETERS)}.",
+            markdown(of_dataclass(Uncertainty)),
+        )
+    }
 {section("`[shaping]`", summary(Shaping), markdown(of_dataclass(Shaping)))}
 ## Beside the scenario
 
@@ -105,8 +108,14 @@ Rates, sensors and governor belong to the flight, not to the scenario: `fullam r
 them, and `fullam.simulate(..., simulation=...)` takes them as a `SimulationSettings` or as a
 mapping of these keys.
 
-{section("Simulation settings", summary(SimulationSettings),
-         markdown(of_dataclass(SimulationSettings)), 3)}
+{
+        section(
+            "Simulation settings",
+            summary(SimulationSettings),
+            markdown(of_dataclass(SimulationSettings)),
+            3,
+        )
+    }
 {section("Governor", summary(Governor), markdown(of_dataclass(Governor)), 3)}
 """
 
