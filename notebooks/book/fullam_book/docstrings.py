@@ -10,6 +10,7 @@ import inspect
 import re
 from typing import Any
 
+from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
@@ -21,12 +22,18 @@ HANGING = re.compile(
 )
 """A paragraph that is no section and no list, and has lines that begin further in."""
 
+LONGEST_VALUE = 60
+"""Values of more characters are not shown."""
+
+EMPHASIS = re.compile(r"((?<![\w*])\*\w[\w -]*\w\*(?![\w*]))")
 CODE = re.compile(r"(`+)([^`]+)\1")
 
 
 def readable(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Rewrite a docstring in place, before napoleon reads its sections."""
     lines[:] = set_off(lines)
+    if what in ("data", "attribute", "property"):
+        lines.insert(0, "\\")  # else napoleon takes words before a colon for a type
     text: list[str] = []
     in_section = verbatim = False
     for index, line in enumerate(lines):
@@ -62,9 +69,10 @@ def escaped(line: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Text with the signs escaped that would be markup."""
-    text = re.sub(r"([*|\\`])", r"\\\1", text)
-    return re.sub(r"(?<=\w)_(?=\W|$)", r"\\_", text)
+    """Text with the signs escaped that would be markup; an emphasised word stays one."""
+    parts = EMPHASIS.split(text)
+    parts[::2] = [re.sub(r"([*|\\`])", r"\\\1", part) for part in parts[::2]]
+    return re.sub(r"(?<=\w)_(?=\W|$)", r"\\_", "".join(parts))
 
 
 class OwnReferences(SphinxTransform):
@@ -92,9 +100,23 @@ def skipped(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: An
     return None
 
 
+def tidied(app: Sphinx, domain: str, objtype: str, content: addnodes.desc_content) -> None:
+    """Leave out what tells nothing: long values, the base of all classes; and set dashes."""
+    for part in list(content.parent.findall(addnodes.desc_annotation)):
+        if part.astext().startswith(" = ") and len(part.astext()) > LONGEST_VALUE:
+            part.parent.remove(part)
+    first = content.children[0] if content.children else None
+    if first is not None and first.astext() == "Bases: object":
+        content.remove(first)
+    for text in list(content.findall(nodes.Text)):
+        if text == " -- ":
+            text.parent.replace(text, nodes.Text(" – "))
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Come before napoleon."""
     app.connect("autodoc-process-docstring", readable, priority=100)
     app.connect("autodoc-skip-member", skipped)
+    app.connect("object-description-transform", tidied)
     app.add_transform(OwnReferences)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -46,10 +46,9 @@ def statement(equation: Equation) -> str:
         f"(equation-{equation.number})=\n### ({equation.number}) {inline(equation.topic)}",
         f"```{{math}}\n{equation.latex}\n```",
     ]
-    parts += [
-        f":::{{admonition}} Printed otherwise\n:class: erratum\n\n{changed(erratum)}\n:::"
-        for erratum in equation.errata
-    ]
+    if equation.errata:
+        told = "\n\n".join(changed(erratum) for erratum in equation.errata)
+        parts.append(f":::{{admonition}} Printed otherwise\n:class: erratum\n\n{told}\n:::")
     homes = ", ".join(f"{{py:obj}}`{name}`" for name in equation.functions)
     tests = ", ".join(f"`{name.partition('::')[2]}`" for name in equation.tests)
     parts.append(f"In the code: {homes}.  \nHeld by {tests}.")

@@ -10,6 +10,7 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any, Literal
 
 from fullam.model.definition_keys import REQUIRED, Key
+from fullam.simulation.weather import WEATHERS, Weather
 
 UNIT = re.compile(r"\s*\[((?:1|-|m|s|N|kg|rad|deg|Hz|rpm|[ */^()0-9,.-]|or|periods)+)\]")
 """A unit in a docstring, as in "Mass [kg]"."""
@@ -160,8 +161,14 @@ def shown(value: Any) -> str:
         return f'`"{value}"`'
     if isinstance(value, dict):
         return "`{}`" if not value else f"`{value}`"
+    if is_dataclass(value) and hasattr(value, "kind"):
+        needed = [f.name for f in fields(value) if f.default is MISSING]
+        parts = [f"{name} = {shown(getattr(value, name)).strip('`')}" for name in ("kind", *needed)]
+        return f"`{{ {', '.join(parts)} }}`"
+    if isinstance(value, Weather):
+        return next(f'`"{name}"`' for name, known in WEATHERS.items() if known == value)
     if is_dataclass(value):
-        return "its own defaults"
+        return "its defaults"
     return f"`{value}`"
 
 
