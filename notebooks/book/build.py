@@ -16,8 +16,8 @@ LAID_OUT = ROOT / "out" / "book"
 sys.path[:0] = [str(HERE), str(ROOT)]
 
 import nbformat
-from fullam_book import chapters
 from fullam_book.cells import as_page
+from fullam_book.chapters import chapters
 from fullam_book.executed import FOLDER, NOTEBOOKS, executed
 from sphinx.cmd.build import main as sphinx
 
