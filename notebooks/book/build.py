@@ -49,7 +49,8 @@ def main(folder: str = str(ROOT / "out" / "docs"), *options: str) -> int:
     if "-E" in options:
         shutil.rmtree(site, ignore_errors=True)
     lay_out(site)
-    known = ["-W", "--keep-going", "-n", "-q", "-j", "auto", "-c", str(HERE)]
+    # One process: forks of one that has numba and ZeroMQ's threads may wait for ever.
+    known = ["-W", "--keep-going", "-n", "-q", "-c", str(HERE)]
     trees = ["-d", str(ROOT / "out" / "doctrees")]
     return sphinx([*known, *trees, *options, str(LAID_OUT), str(site)])
 
