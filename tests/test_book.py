@@ -17,6 +17,7 @@ from fullam.exceptions import FullamError
 from fullam.model import definition_keys as keys
 from fullam.model.composition import compose
 from fullam.model.loading import read_urdf
+from fullam.simulation import arm_motion, references
 from fullam.viz.viewer.browser import Browser, chromium_path
 
 ROOT = Path(__file__).parents[1]
@@ -89,17 +90,13 @@ def readers():
     yield "vehicle", "`[[rotor]]`", lambda: load(rotor=[rotor])
     yield "vehicle", "`[design]`", lambda: from_table(design)
     yield "scenario", "The file", lambda: scenario(table | {"?": 1})
-    for kind in ("step", "waypoints", "circle"):
-        yield (
-            "scenario",
-            f'`kind = "{kind}"`',
-            lambda kind=kind: scenario(table | {"reference": {"kind": kind, "?": 1}}),
-        )
-    yield (
-        "scenario",
-        '`kind = "sine-rate"`',
-        lambda: scenario(table | {"arm_motion": {"kind": "sine-rate", "?": 1}}),
-    )
+    for field, kinds in (("reference", references.KINDS), ("arm_motion", arm_motion.KINDS)):
+        for kind in sorted(set(kinds) - {"hold"}):  # which has no further keys
+            yield (
+                "scenario",
+                f'`[{field}]`, `kind = "{kind}"`',
+                lambda field=field, kind=kind: scenario(table | {field: {"kind": kind, "?": 1}}),
+            )
     yield "scenario", "`[weather]`", lambda: scenario(table | {"weather": {"?": 1}})
     yield (
         "scenario",

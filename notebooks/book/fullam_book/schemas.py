@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from fullam.control.governor import Governor
 from fullam.model import definition_keys as keys
@@ -15,7 +16,7 @@ from fullam.simulation.scenario import AXES, Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.shaping import Shaping
 from fullam.simulation.weather import WEATHERS, Weather
-from fullam_book.tables import attributes, markdown, of_dataclass, of_keys, summary
+from fullam_book.tables import markdown, of_dataclass, of_keys, of_maker, summary
 
 VEHICLE_TABLES = (
     ("The file", "", keys.VEHICLE),
@@ -120,10 +121,11 @@ mapping of these keys.
 """
 
 
-def kinds(key: str, what: str, classes: dict[str, type]) -> str:
+def kinds(key: str, what: str, classes: Mapping[str, Any]) -> str:
     """The section of a table whose `kind` says what else it has."""
     parts = [f"## `[{key}]`\n\n`kind` says which {what}, and with it which further keys.\n"]
     for name, cls in classes.items():
-        table = markdown(of_dataclass(cls)) if attributes(cls) else ""
-        parts.append(section(f'`kind = "{name}"`', summary(cls), table, 3))
+        rows = of_maker(cls)
+        table = markdown(rows) if rows else ""
+        parts.append(section(f'`[{key}]`, `kind = "{name}"`', summary(cls), table, 3))
     return "\n".join(parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any, Literal
 
@@ -17,7 +17,7 @@ UNIT = re.compile(r"\s*\[((?:1|-|m|s|N|kg|rad|deg|Hz|rpm|[ */^()0-9,.-]|or|perio
 
 WORDS = {
     "float": "number", "int": "whole number", "bool": "true or false", "str": "text",
-    "None": "none", "Any": "see there", "Mapping[str, Any]": "table",
+    "None": "none", "Any": "see there", "ArrayLike": "numbers", "Mapping[str, Any]": "table",
     "Reference": "table, see below", "ArmMotion": "table, see below",
     "Weather": "name or table, see below", "Shaping": "table, see below",
     "Uncertainty": "table, see below",
@@ -54,33 +54,43 @@ def shown_key(key: Key) -> str:
     return shown(key.default)
 
 
+def of_maker(make: Any) -> list[Row]:
+    """The rows of what is made of a table: a dataclass, or a function with its arguments."""
+    if is_dataclass(make):
+        return of_dataclass(make)
+    told, rows = entries(make, "Args"), []
+    for name, parameter in inspect.signature(make).parameters.items():
+        default = REQUIRED if parameter.default is parameter.empty else parameter.default
+        rows.append(_row(make, name, parameter.annotation, default, told))
+    return rows
+
+
 def of_dataclass(cls: type[Any], without: Iterable[str] = ()) -> list[Row]:
-    """The rows of a dataclass: its fields, with what its docstrings say of them.
+    """The rows of a dataclass: its fields, with what its docstrings say of them."""
+    told, rows = attributes(cls), []
+    for field in fields(cls):
+        if field.name not in set(without):
+            default = field.default
+            if field.default_factory is not MISSING:
+                default = field.default_factory()
+            default = REQUIRED if default is MISSING else default
+            rows.append(_row(cls, field.name, field.type, default, told))
+    return rows
+
+
+def _row(owner: Any, name: str, annotation: Any, default: Any, told: Mapping[str, str]) -> Row:
+    """One row.
 
     Raises:
-        LookupError: A field that no docstring of the class or its bases explains.
+        LookupError: No docstring explains it.
     """
-    assert is_dataclass(cls)
-    told = attributes(cls)
-    rows = []
-    for field in fields(cls):
-        if field.name in set(without):
-            continue
-        if field.name not in told:
-            raise LookupError(f"{cls.__qualname__}.{field.name} is not in the docstring")
-        text = told[field.name]
-        units = UNIT.findall(text)
-        if len(units) == 1:
-            text = UNIT.sub("", text)
-        default = "**required**"
-        if field.default is not MISSING:
-            default = shown(field.default)
-        elif field.default_factory is not MISSING:
-            default = shown(field.default_factory())
-        rows.append(
-            Row(f"`{field.name}`", kind_of(cls, field.type), default, _units(units), inline(text))
-        )
-    return rows
+    if name not in told:
+        raise LookupError(f"{owner.__qualname__}: '{name}' is not in the docstring")
+    text, units = told[name], UNIT.findall(told[name])
+    if len(units) == 1:
+        text = UNIT.sub("", text)
+    value = "**required**" if default is REQUIRED else shown(default)
+    return Row(f"`{name}`", kind_of(owner, annotation), value, _units(units), inline(text))
 
 
 def _units(units: list[str]) -> str:
@@ -90,15 +100,17 @@ def _units(units: list[str]) -> str:
 def attributes(cls: type[Any]) -> dict[str, str]:
     """What the docstrings of a class and its bases say of its attributes."""
     told: dict[str, str] = {}
-    for base in cls.__mro__:
-        text = inspect.cleandoc(base.__doc__ or "")
-        _, found, section = text.partition("Attributes:\n")
-        if not found:
-            continue
-        section = section.split("\n\n")[0] if not section.startswith("    ") else section
-        for entry in re.findall(r"^    (\w+): (.*(?:\n        .*)*)", section, re.MULTILINE):
-            told.setdefault(entry[0], " ".join(entry[1].split()))
+    for base in reversed(cls.__mro__):
+        told |= entries(base, "Attributes")
     return told
+
+
+def entries(thing: Any, section: str) -> dict[str, str]:
+    """The names in a section of a docstring, each with what stands after it."""
+    text = inspect.cleandoc(thing.__doc__ or "").partition(f"{section}:\n")[2]
+    text = text.split("\n\n")[0] if not text.startswith("    ") else text
+    found = re.findall(r"^    (\w+): (.*(?:\n        .*)*)", text, re.MULTILINE)
+    return {name: " ".join(words.split()) for name, words in found}
 
 
 def kind_of(cls: type[Any], annotation: Any) -> str:
