@@ -4,6 +4,21 @@ An estimator turns `Readings` into an `Estimate` of the platform's pose and velo
 angles, rates and accelerations are known inputs (the servos are position controlled) and pass by
 it. Those that come with fullam are kernels, flown by Python, by machine code and eight flights at a
 time; anybody's own is a subclass of `Estimator`, in numpy if one likes. `estimators` has the names.
+
+One of one's own (`fullam new estimator my_estimator.py` writes one that flies):
+
+    @fullam.register_estimator("my-estimator")
+    class MyEstimator(fullam.Estimator):
+        Settings = MyEstimatorSettings                   # as of a law; may be left out
+        needs_inertial = True                            # if it reads gyroscope, accelerometer
+
+        def reset(self, readings): ...                   # before the first period
+        def update(self, readings, measurement):         # every period, the first one included
+            measurement.q[:7] = ...                      # [p, quaternion xyzw]
+            measurement.v[:6] = ...                      # [v_A, w_A], {A} axes
+
+It is given `self.datasheet` (noise, rates, delay of the sensors), `self.settings` and `self.period`
+[s]. One that trails the motion may say by how much in `as_seen`; the lag is then taken off.
 """
 
 from __future__ import annotations

@@ -77,6 +77,12 @@ VEHICLE: Table = (
     Key("rotor_defaults", "table", "What the rotors have in common.", default={}),
     Key("rotor", "list of tables", "The rotors, one [[rotor]] each.", default=[]),
     Key(
+        "body",
+        "list of tables",
+        "Bodies whose mass properties were measured, one [[body]] each.",
+        default=[],
+    ),
+    Key(
         "design",
         "table",
         "Parameters that the URDF was written from, for `fullam.design_vehicle`.",
@@ -132,4 +138,11 @@ ROTOR: Table = (
     Key("axis", "three numbers", "Unit vector of the thrust in {A}.", default="see frame"),
     Key("spin", "+1 or -1", "Sign of the drag torque along the thrust axis, d of eq. (30)."),
     *ROTOR_DEFAULTS,
+)
+
+BODY: Table = (
+    Key("link", "text", "Any link of the body: what moves with a joint is one."),
+    Key("mass", "number", "Its mass, in place of what the URDF adds up to.", "kg"),
+    Key("center", "three numbers", "Centre of mass in the joint's frame.", "m"),
+    Key("inertia", "six numbers", "xx, xy, xz, yy, yz, zz about the centre of mass.", "kg m^2"),
 )

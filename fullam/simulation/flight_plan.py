@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
-from fullam.control.controllers import controller_class, recommended_estimator
+from fullam.control.controllers import controller_class, plain_settings, recommended_estimator
 from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.control.trim import Trim
@@ -28,6 +28,7 @@ from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.tool_solution import with_tool_solved
 from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.weather import Forecast, Weather, forecast
 
@@ -42,7 +43,7 @@ class FlightPlan:
     """All that a flight is made of, fixed before it starts.
 
     Attributes:
-        scenario: The experiment.
+        scenario: The experiment, motions of one's own as rows and a tool's task solved.
         nominal: The vehicle as the controller knows it.
         controller: Name of the controller.
         settings: Its settings.
@@ -92,12 +93,16 @@ class FlightPlan:
         Raises:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
-                memory, or the seed is no whole number from 0 on.
+                memory or a motion of one's own more rows than fit into a record, or the seed is no
+                whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
+            SettingsError: The controller's settings hold what cannot be saved.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        plain_settings(controller, settings)  # what no record can keep is refused before take-off
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
+        scenario = with_tool_solved(scenario, vehicle)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
@@ -109,6 +114,7 @@ class FlightPlan:
             vehicle.joints,
         )
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
+        scenario = scenario.with_rows(asked, arm, 0.5 * simulation.plant_period)
         start, anticipation, trim = scenario.initial_pose, None, None
         if simulation.governor is not None and all(scenario.axes_mask):
             trim = trim_of(vehicle, arm.theta, asked.pose[:, 3:])

@@ -31,6 +31,7 @@ myst_enable_extensions = ["colon_fence", "dollarmath", "attrs_block"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"  # `fullam_book.executed` has done it
 nb_merge_streams = True
+nb_ipywidgets_js = {}  # which would come from elsewhere; `fullam_book.cells` shows stills
 html_math_renderer = "svg"
 
 # API: signatures as written, members in the order of the file.

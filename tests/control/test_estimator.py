@@ -230,5 +230,5 @@ def test_settings_are_made_by_name():
         make_estimator_settings("kalman", {"cutoff": 18.0})
     with pytest.raises(SettingsError, match="it has none"):
         make_estimator_settings("truth", {"cutoff": 18.0})
-    with pytest.raises(SettingsError, match="wrong type"):
+    with pytest.raises(SettingsError, match="cutoff: is 'fast'; give a number"):
         make_estimator_settings("first-order", {"cutoff": "fast"})

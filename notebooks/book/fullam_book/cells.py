@@ -13,6 +13,7 @@ from typing import Any
 
 import nbformat
 
+WIDGET = "application/vnd.jupyter.widget-view+json"
 FRAME = re.compile(r'<iframe srcdoc="([^"]*)" style="([^"]*)"[^>]*></iframe>')
 
 
@@ -25,10 +26,13 @@ def as_page(executed: Any, committed: Path, views: Path, root: str) -> Any:
         views: Folder for the views.
         root: How a page reaches that folder.
     """
-    stills = {cell["id"]: still(cell) for cell in nbformat.read(committed, as_version=4).cells}
+    cells = nbformat.read(committed, as_version=4).cells
+    stills = {cell["id"]: picture for cell in cells if (picture := still(cell))}
     for cell in executed.cells:
         for output in cell.get("outputs", ()):
             data = output.get("data", {})
+            if data.pop(WIDGET, None) and cell["id"] in stills:  # sliders need a kernel
+                data["image/jpeg"] = stills[cell["id"]]
             match = FRAME.search("".join(data.get("text/html", "")))
             if match is None:
                 continue
@@ -37,6 +41,7 @@ def as_page(executed: Any, committed: Path, views: Path, root: str) -> Any:
             (views / name).write_text(html.unescape(match[1]), encoding="utf-8")
             data.clear()
             data["text/html"] = frame(f"{root}/{name}", match[2], stills.get(cell["id"]))
+    executed.metadata.pop("widgets", None)
     return executed
 
 

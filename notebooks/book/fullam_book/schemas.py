@@ -35,6 +35,11 @@ VEHICLE_TABLES = (
         "`[rotor_defaults]` may stand here, too, and win.",
         keys.ROTOR,
     ),
+    (
+        "`[[body]]`",
+        "One a body that was measured; `fullam.calibrate` writes them.",
+        keys.BODY,
+    ),
 )
 """Heading, lead and keys of the tables of a vehicle's TOML, but for [design]."""
 
