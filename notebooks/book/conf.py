@@ -47,7 +47,10 @@ napoleon_use_rtype = False
 napoleon_attr_annotations = False
 add_module_names = False
 nitpick_ignore_regex = [  # type variables and private bases, of which autodoc makes no entry
-    ("py:.*", r"fullam\..*\.(Item|Result|Rest|T|Function|Array|EstimatorType|ControllerType|_\w+)")
+    (
+        "py:.*",
+        r"fullam\..*\.(Item|Result|Rest|T|Thing|Function|Array|EstimatorType|ControllerType|_\w+)",
+    )
 ]
 python_maximum_signature_line_length = 88
 toc_object_entries_show_parents = "hide"
