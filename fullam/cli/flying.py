@@ -223,10 +223,15 @@ def warn_of_reach(plan: FlightPlan) -> None:
 
 
 def warn_of_loop(plan: FlightPlan) -> None:
-    """Say before take-off if a law's loop has no margin, and what a strange estimator costs it."""
-    from fullam.analysis.margins import estimator_cost, margin_warning
+    """Say before take-off if a law's loop has no margin, and what a strange estimator costs it.
 
-    for line in (estimator_cost(plan), margin_warning(plan)):
+    And what the law's estimator believes of its sensors that is not so.
+    """
+    from fullam.analysis.margins import estimator_cost, margin_warning
+    from fullam.analysis.sensing import sensor_warning
+
+    believed = sensor_warning(plan.weather, str(plan.simulation.estimator))
+    for line in (believed, estimator_cost(plan), margin_warning(plan)):
         if line is not None:
             complain(line)
 

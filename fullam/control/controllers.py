@@ -12,6 +12,7 @@ from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
 from fullam.control.dc_pid import DcPid
 from fullam.control.dc_pid_plus import DcPidPlus
+from fullam.control.estimators import estimator_class
 from fullam.control.pid import Pid
 from fullam.control.settings_file import SettingsFile, read_settings
 from fullam.exceptions import SettingsError
@@ -67,6 +68,15 @@ def recommended_estimator(name: str) -> str:
         UnknownName: No such controller; the message lists the known ones.
     """
     return controller_class(name).estimator
+
+
+def suits(name: str, estimator: str) -> bool:
+    """Whether the controller `name` is made for an estimator, or for one that it stands for.
+
+    Raises:
+        UnknownName: No such controller, or estimator.
+    """
+    return recommended_estimator(name) in (estimator, estimator_class(estimator).stands_for)
 
 
 def make_settings(name: str, changes: Mapping[str, Any] | None = None) -> Any:

@@ -9,6 +9,7 @@ from fullam.checks import Checker
 from fullam.control.estimator import Estimator
 from fullam.control.first_order import FirstOrder
 from fullam.control.kalman import Kalman
+from fullam.control.kalman_bias import KalmanBias
 from fullam.control.truth import Truth
 from fullam.exceptions import SettingsError
 from fullam.plain_values import from_plain, to_plain
@@ -18,7 +19,7 @@ from fullam.registry import Registry, check_class
 EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
 
 ESTIMATORS: Registry[type[Estimator]] = Registry(
-    "estimator", {cls.name: cls for cls in (FirstOrder, Kalman, Truth)}
+    "estimator", {cls.name: cls for cls in (FirstOrder, Kalman, KalmanBias, Truth)}
 )
 
 

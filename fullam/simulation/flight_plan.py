@@ -205,19 +205,33 @@ def checked_seed(seed: int) -> int:
 
 def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:
     """The estimator that the settings name, at their rates; it knows the noise's statistics."""
-    sheet = Datasheet(
-        position_noise=weather.position_noise,
-        attitude_noise=float(np.radians(weather.attitude_noise_deg)),
-        gyroscope_noise=weather.gyroscope_noise,
-        accelerometer_noise=weather.accelerometer_noise,
-        delay_periods=simulation.delay_periods,
-        pose_every=simulation.pose_every,
-        gravity=gravity,
-    )
+    sheet = datasheet(simulation, weather, gravity)
     assert simulation.estimator is not None, "FlightPlan.prepare names it"
     cls = estimator_class(simulation.estimator)
     settings = make_estimator_settings(simulation.estimator, simulation.estimator_settings)
     return cls(sheet, settings, simulation.control_period)
+
+
+def datasheet(simulation: SimulationSettings, weather: Weather, gravity: float) -> Datasheet:
+    """What the makers of the sensors state of them; a bound counts as sqrt(3) deviations."""
+    gyroscope, accelerometer = weather.inertial_scale(simulation.control_period)
+    drift = weather.sensors.drift
+    sigma = weather.sensors.bounds.reshape(4, 3).max(axis=1) / np.sqrt(3.0)
+    return Datasheet(
+        position_noise=weather.position_noise,
+        attitude_noise=float(np.radians(weather.attitude_noise_deg)),
+        gyroscope_noise=gyroscope,
+        accelerometer_noise=accelerometer,
+        delay_periods=simulation.delay_periods,
+        pose_every=simulation.pose_every,
+        gravity=gravity,
+        gyroscope_bias=float(sigma[0]),
+        accelerometer_bias=float(sigma[1]),
+        gyroscope_drift=float(drift[0]),
+        accelerometer_drift=float(drift[1]),
+        gyroscope_scale=float(sigma[2]),
+        accelerometer_scale=float(sigma[3]),
+    )
 
 
 def hover_speeds(plan: FlightPlan, allocator: Allocator) -> Array:

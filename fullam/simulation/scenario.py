@@ -212,7 +212,7 @@ class Scenario:
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
         """Build a scenario from plain data.
 
-        `weather` may be a name ("calm", "recorded", "paper") or a table of its fields.
+        `weather` may be a name ("calm", "recorded", "paper", "sold") or a table of its fields.
 
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.

@@ -19,10 +19,17 @@ from fullam.numbers.vectors import ZERO
 
 @dataclass(frozen=True)
 class MyLawSettings:
-    """Gains K_p [1/s^2], K_i [1/s^3], K_d [1/s]; largest integral action [m/s^2, rad/s^2]."""
+    """Gains K_p [1/s^2], K_i [1/s^3], K_d [1/s]; largest integral action [m/s^2, rad/s^2].
 
-    position_gains: tuple[float, float, float] = (16.0, 16.0, 7.0)
-    attitude_gains: tuple[float, float, float] = (80.0, 250.0, 16.0)
+    `fullam tune` searches between low and high.
+    """
+
+    position_gains: tuple[float, float, float] = fullam.tunable(
+        (16.0, 16.0, 7.0), low=(4.0, 1.0, 3.0), high=(60.0, 80.0, 20.0)
+    )
+    attitude_gains: tuple[float, float, float] = fullam.tunable(
+        (80.0, 250.0, 16.0), low=(20.0, 20.0, 6.0), high=(200.0, 600.0, 30.0)
+    )
     integral_limits: tuple[float, float] = (4.0, 20.0)
 
 
