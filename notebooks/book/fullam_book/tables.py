@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
-import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from typing import Any, Literal
+from typing import Any
 
 from fullam.model.definition_keys import REQUIRED, Key
 from fullam.simulation.weather import WEATHERS, Weather
@@ -90,7 +89,7 @@ def _row(owner: Any, name: str, annotation: Any, default: Any, told: Mapping[str
     if len(units) == 1:
         text = UNIT.sub("", text)
     value = "**required**" if default is REQUIRED else shown(default)
-    return Row(f"`{name}`", kind_of(owner, annotation), value, _units(units), inline(text))
+    return Row(f"`{name}`", kind_of(annotation), value, _units(units), inline(text))
 
 
 def _units(units: list[str]) -> str:
@@ -113,19 +112,12 @@ def entries(thing: Any, section: str) -> dict[str, str]:
     return {name: " ".join(words.split()) for name, words in found}
 
 
-def kind_of(cls: type[Any], annotation: Any) -> str:
+def kind_of(annotation: Any) -> str:
     """The type of a field, in words."""
     text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "?")
     if text.startswith("Literal["):
-        hints = typing.get_type_hints(cls)
-        for hint in hints.values():
-            if typing.get_origin(hint) is Literal and _same(hint, text):
-                return "one of " + ", ".join(f"`{choice}`" for choice in typing.get_args(hint))
+        return "one of " + ", ".join(f"`{word}`" for word in re.findall(r"['\"](.*?)['\"]", text))
     return _words(text)
-
-
-def _same(hint: Any, text: str) -> bool:
-    return all(f'"{choice}"' in text for choice in typing.get_args(hint))
 
 
 def _words(text: str) -> str:
