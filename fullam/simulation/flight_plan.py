@@ -24,9 +24,11 @@ from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
+from fullam.simulation.payload import Payload
 from fullam.simulation.plant_settings import plant_settings
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
+from fullam.simulation.servo_motion import Contact
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import Forecast, Weather, forecast
 
@@ -55,6 +57,8 @@ class FlightPlan:
             off, or if a jump is left in `reference`.
         arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
         replaced: Another vehicle to fly than the seed's, for studies; see `with_true`.
+        payloads: Bodies that the last link carries for a while; see `with_payloads`.
+        contact: What the last link may touch, None for nothing; see `with_contact`.
     """
 
     scenario: Scenario
@@ -70,6 +74,8 @@ class FlightPlan:
     anticipation: Anticipation | None
     arm: ArmTable
     replaced: Vehicle | None = None
+    payloads: tuple[Payload, ...] = ()
+    contact: Contact | None = None
 
     @classmethod
     def prepare(
@@ -152,6 +158,20 @@ class FlightPlan:
     def with_true(self, vehicle: Vehicle) -> FlightPlan:
         """The same flight with a true vehicle of one's own, of the nominal one's joints."""
         return replace(self, replaced=vehicle)
+
+    def with_payloads(self, *payloads: Payload) -> FlightPlan:
+        """The same flight, the last link carrying bodies; for the plant "servo".
+
+        As another true vehicle, they stand in no record.
+        """
+        return replace(self, payloads=payloads)
+
+    def with_contact(self, contact: Contact) -> FlightPlan:
+        """The same flight, the last link touching things; for the plant "servo".
+
+        As another true vehicle, they stand in no record.
+        """
+        return replace(self, contact=contact)
 
     @cached_property
     def forecast(self) -> Forecast:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from fullam.dynamics.articulated import push_last, sweep_out, swept_acceleration
 from fullam.dynamics.integrators import half_steps, integrator
+from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.multibody import ROOT
 from fullam.dynamics.recursion import JointMotion, gravity_in
 from fullam.dynamics.servo import servo_torque
@@ -37,6 +38,7 @@ from fullam.dynamics.spatial import (
     scale_spatial,
     subtract_spatial,
 )
+from fullam.model.chain import LinkChain
 from fullam.model.servos import Servos
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, kernel, subroutine
@@ -57,6 +59,13 @@ class Slope(NamedTuple):
 
 class NoWorld(NamedTuple):
     """What a contact that touches nothing is shown."""
+
+
+class Contact(NamedTuple):
+    """What the last link may touch: a kernel as the module's first lines have it, and its world."""
+
+    kernel: Function
+    world: Any
 
 
 class ServoView(NamedTuple):
@@ -146,6 +155,10 @@ def by_recursion(system, pose, twist, wrench, push):
     view, R = system.rows, rotation_matrix(pose.attitude)
     push_last(view.room, push)
     return swept_acceleration(view.servos, gravity_in(R, system.gravity), wrench, view.room)
+
+
+NOTHING = Contact(no_contact, NoWorld())
+"""No contact."""
 
 
 @cache
@@ -248,6 +261,7 @@ class PinocchioJoints:
         self._model.armature = np.append(np.zeros(6), servos.armature)
         self._data = self._model.createData()
         self._q, self._v = vehicle.neutral(), np.zeros(self._model.nv)
+        self._link, self._frame = None, LinkRows.of(LinkChain.from_vehicle(vehicle)).frames[-1]
         self._forces = pin.StdVec_Force()
         self._forces.extend([pin.Force.Zero() for _ in range(self._model.njoints)])
 
@@ -261,6 +275,7 @@ class PinocchioJoints:
             q[7 + i], v[6 + i] = motion.position, motion.rate
         tau = np.array([*flat(wrench), *room.torques])
         last = self._model.njoints - 1
+        self._take_up(system.rows.links[-1], last)
         pin.forwardKinematics(self._model, self._data, q)
         placed = self._data.oMi[ROOT].actInv(self._data.oMi[last])
         self._forces[last] = placed.actInv(pin.Force(np.array(flat(push))))
@@ -268,3 +283,15 @@ class PinocchioJoints:
         room.accelerations[:] = a[6:].tolist()
         rate = record(Spatial, a[:6])
         return Spatial(add(rate.linear, cross(twist.angular, twist.linear)), rate.angular)
+
+    def _take_up(self, link: Any, last: int) -> None:
+        """Give the model the last link as it flies, with what it carries."""
+        if link is self._link:
+            return
+        self._link = link
+        upper, R = np.zeros((3, 3)), self._frame
+        upper[np.triu_indices(3)] = link.inertia
+        inertia = upper + np.triu(upper, 1).T
+        self._model.inertias[last] = pin.Inertia(
+            link.mass, R @ np.array(link.com), R @ inertia @ R.T
+        )

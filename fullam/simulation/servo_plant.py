@@ -24,12 +24,13 @@ from fullam.dynamics.servo import ServoNumbers
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
+from fullam.simulation.payload import LoadView, Payload, load
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
+    NOTHING,
     ArmEntry,
     ArmRecordView,
-    NoWorld,
     PinocchioJoints,
     ServoView,
     Slope,
@@ -70,6 +71,9 @@ class ServoPlant(Plant):
         self._room = ArmRows.empty(n, around.lanes)
         self._twin_room = ArmRows.empty(n, around.lanes)
         self.entries = self._empty(ArmEntry, around.kept, n)
+        self._contact = plan.contact or NOTHING
+        self._payloads = Rows.of(Payload, list(plan.payloads)) if plan.payloads else None
+        self._carried = self._empty(Link, n + 1) if plan.payloads else around.drawn.links
         self.seen = SeenArm(
             own,
             self._empty(JointMotion, 1, n),
@@ -93,13 +97,14 @@ class ServoPlant(Plant):
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""
         name = self.around.tables.plan.simulation.integrator
-        return self._own_stages() | {"move": Stage(servo_stage(name), self._view())}
+        move = servo_stage(name, contact=self._contact.kernel)
+        return self._own_stages() | {"move": Stage(move, self._view())}
 
     def python_stages(self, look: Callable[[Any], Any]) -> dict[str, PythonStage]:
         """See `Plant`; by Pinocchio."""
         plan = self.around.tables.plan
         solve = PinocchioJoints(plan.true, plan.nominal.servos)
-        move = servo_stage(plan.simulation.integrator, solve)
+        move = servo_stage(plan.simulation.integrator, solve, self._contact.kernel)
         own = {name: (s.kernel, look(s.view)) for name, s in self._own_stages().items()}
         return own | {"move": (move, look(self._view()))}
 
@@ -111,6 +116,9 @@ class ServoPlant(Plant):
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
+        if self._payloads is not None:
+            loading = LoadView(self.around.drawn.links, self._payloads, self._carried)
+            stages["load"] = Stage(load, loading)
         return stages
 
     def _goal_view(self) -> GoalView:
@@ -159,7 +167,7 @@ class ServoPlant(Plant):
         a = self.around
         return ServoView(
             a.state,
-            a.drawn.links,
+            self._carried,
             a.drawn.rotors,
             a.tables.stepping,
             a.drawn.gust,
@@ -172,7 +180,7 @@ class ServoPlant(Plant):
             self._sums,
             self._rates,
             self._room,
-            NoWorld(),
+            self._contact.world,
         )
 
     def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:

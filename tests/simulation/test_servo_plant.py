@@ -9,94 +9,23 @@ import pytest
 
 import fullam
 from fullam.control.controllers import CONTROLLERS, controller_class
-from fullam.dynamics.articulated import ArmRows
 from fullam.dynamics.integrators import INTEGRATORS, integrator
-from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import JointMotion
 from fullam.dynamics.servo import ServoNumbers, read_encoder, servo_torque
-from fullam.dynamics.spatial import Pose, Spatial
 from fullam.exceptions import ScenarioError, SettingsError, UnknownName, VehicleError
-from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
-from fullam.numbers.records import flat
-from fullam.numbers.vectors import ZERO
 from fullam.simulation import servo_motion
 from fullam.simulation.arm_motion import ArmTable, SineRate
-from fullam.simulation.plant import State, Stepping
 from fullam.simulation.plant_settings import PLANT_SETTINGS
 from fullam.simulation.plants import PLANTS
 from fullam.simulation.refly import refly
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import AXES
-from fullam.simulation.servo_motion import NoWorld, ServoView, Slope, by_recursion, servo_stage
+from fullam.simulation.servo_motion import servo_stage
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare
 
 DOWN, STRETCHED = (-90.0, 0.0, 0.0, 0.0), (0.0, 0.0, -90.0, 0.0)
-
-
-class Free:
-    """A vehicle in motion without thrust, its servos as given; the plant's kernels in Python."""
-
-    def __init__(self, vehicle, scheme, step, servo, gravity=9.81, solve=by_recursion):
-        n, rng = vehicle.n_arm, np.random.default_rng(7)
-        self.model, self.n = vehicle.model, n
-        still = Spatial(ZERO, ZERO)
-        twist = Spatial((0.3, -0.2, 0.5), (0.4, 0.9, -0.6))
-        rows = [ServoNumbers(*row) for row in vehicle.servos.rows.tolist()]
-        servos = [servo(row) for row in rows]
-        self.armature = np.array([s.armature for s in servos])
-        moves = rng.uniform(-1.0, 1.0, (n, 2)).tolist()
-        self.view = ServoView(
-            [State(Pose((0.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.0)), twist, still)],
-            LinkRows.of(LinkChain.from_vehicle(vehicle)).rows.to_list(),
-            [],
-            [Stepping(step, 1.0, 0.0, gravity)],
-            [still] * 4000,
-            [],
-            [],
-            servos,
-            rng.uniform(-1.0, 1.0, n).tolist(),
-            [JointMotion(q, v, 0.0) for q, v in moves],
-            [Slope(0.0, 0.0)] * n,
-            [Slope(0.0, 0.0)] * n,
-            [0.0] * n,
-            ArmRows(*(r.to_list() for r in ArmRows.empty(n))),
-            NoWorld(),
-        )
-        self.move, self.step, self.gravity = servo_stage(scheme, solve), step, gravity
-
-    def fly(self, time):
-        for k in range(round(time / self.step)):
-            self.move(self.view, k)
-        return self
-
-    @property
-    def q(self):
-        return np.array([*flat(self.view.state[0].pose), *(m.position for m in self.view.arm)])
-
-    @property
-    def v(self):
-        return np.array([*flat(self.view.state[0].twist), *(m.rate for m in self.view.arm)])
-
-    @property
-    def energy(self):
-        data = self.model.createData()
-        rotors = 0.5 * self.armature @ self.v[6:] ** 2
-        kinetic = pin.computeKineticEnergy(self.model, data, self.q, self.v)
-        mass, center = pin.computeTotalMass(self.model), pin.centerOfMass(self.model, data, self.q)
-        return kinetic + rotors + mass * self.gravity * center[2]
-
-    @property
-    def momentum(self):
-        data = self.model.createData()
-        return np.array(pin.computeCentroidalMomentum(self.model, data, self.q, self.v))
-
-
-def no_servo(row):
-    """A joint that turns freely, its motor's rotor on it."""
-    return ServoNumbers(0.0, 0.0, 0.0, row.armature, 0.0, -np.inf, np.inf, 0.0)
 
 
 def sliding():
@@ -113,10 +42,12 @@ VEHICLES = {"fullam": load_vehicle("fullam"), "hextilt": load_vehicle("hextilt")
 
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("scheme", sorted(INTEGRATORS))
-def test_energy_and_momentum_are_conserved_to_the_order_of_the_rule(name, scheme):
+def test_energy_and_momentum_are_conserved_to_the_order_of_the_rule(
+    free_of, free_joint, name, scheme
+):
     lost, order = [], integrator(scheme).order
     for step in (0.008, 0.004):
-        free = Free(VEHICLES[name], scheme, step, no_servo)
+        free = free_of(VEHICLES[name], scheme, step, free_joint)
         energy, momentum = free.energy, free.momentum
         free.fly(0.4)
         fallen = np.array([0.0, 0.0, -pin.computeTotalMass(free.model) * 9.81 * 0.4])
@@ -128,11 +59,14 @@ def test_energy_and_momentum_are_conserved_to_the_order_of_the_rule(name, scheme
     assert max(lost[1]) < {1: 0.05, 2: 2e-3, 4: 1e-6}[order]
 
 
-def slope_of(scheme):
+def slope_of(free_of, scheme, move=None):
     """Order with which a vehicle under servos converges, steps from 2 to 0.5 ms."""
 
+    def strong(row):
+        return row._replace(stall=1e9)
+
     def end(step):
-        free = Free(VEHICLES["fullam"], scheme, step, lambda row: row._replace(stall=1e9)).fly(0.16)
+        free = free_of(VEHICLES["fullam"], scheme, step, strong, move=move).fly(0.16)
         return np.concatenate([free.q, free.v])
 
     coarse, middle, fine = (end(step) for step in (0.002, 0.001, 0.0005))
@@ -140,18 +74,17 @@ def slope_of(scheme):
 
 
 @pytest.mark.parametrize("scheme", sorted(INTEGRATORS))
-def test_joints_under_servos_converge_with_the_order_of_the_rule(scheme):
+def test_joints_under_servos_converge_with_the_order_of_the_rule(free_of, scheme):
     # A fifth of an order: the next term of the error at these steps.
-    assert slope_of(scheme) == pytest.approx(integrator(scheme).order, abs=0.2)
+    assert slope_of(free_of, scheme) == pytest.approx(integrator(scheme).order, abs=0.2)
 
 
 @pytest.mark.parametrize("scheme", ["midpoint", "rk4"])
-def test_joints_that_stay_behind_the_stages_of_the_rule_lose_the_order(monkeypatch, scheme):
+def test_joints_that_stay_behind_the_stages_lose_the_order(free_of, monkeypatch, scheme):
     bent = servo_stage.__wrapped__, servo_motion.servo_rate.__wrapped__
     monkeypatch.setattr(servo_motion, "half_steps", lambda stage: 0)
     monkeypatch.setattr(servo_motion, "servo_rate", bent[1])
-    monkeypatch.setitem(globals(), "servo_stage", bent[0])
-    assert slope_of(scheme) < 1.3
+    assert slope_of(free_of, scheme, bent[0](scheme)) < 1.3
 
 
 def test_a_servo_is_on_its_motors_line():
@@ -369,9 +302,9 @@ def test_what_cannot_be_flown_is_said(simulation, error, words):
     assert words in str(caught.value)
 
 
-def test_the_time_step_that_is_refused_is_near_where_flights_blow_up():
+def test_the_time_step_that_is_refused_is_near_where_flights_blow_up(free_of):
     vehicle = VEHICLES["fullam"]
     plan = prepare(scenario(), plant="servo", simulation={"plant_period": 0.005})
     assert plan.simulation.plant_period == 0.005
-    free = Free(vehicle, "midpoint", 0.03, lambda row: row).fly(1.5)
+    free = free_of(vehicle, "midpoint", 0.03, lambda row: row).fly(1.5)
     assert not np.abs(free.v).max() < 1e3
