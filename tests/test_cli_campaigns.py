@@ -91,3 +91,9 @@ def test_reproduce_writes_where_it_says(tmp_path, capsys, monkeypatch):
     assert main(["reproduce", "--quick", "--jobs", "2", "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.strip() == str(tmp_path / "index.html")
     assert (asked["quick"], asked["jobs"]) == (True, 2)
+
+
+def test_a_sweep_flies_another_plant(tmp_path):
+    out = tmp_path / "rows.parquet"
+    assert main([*SWEEP, "--plant", "servo", "--out", str(out)]) == 0
+    assert read_campaign(out).identity["simulation"]["plant"] == "servo"

@@ -16,6 +16,7 @@ from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation import servo_motion
 from fullam.simulation.arm_motion import ArmTable, SineRate
+from fullam.simulation.interactive import InteractiveFlight
 from fullam.simulation.plant_settings import PLANT_SETTINGS
 from fullam.simulation.plants import PLANTS
 from fullam.simulation.refly import refly
@@ -24,6 +25,7 @@ from fullam.simulation.scenario import AXES
 from fullam.simulation.servo_motion import servo_stage
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare
+from fullam.viz.viewer.replay import Reel
 
 DOWN, STRETCHED = (-90.0, 0.0, 0.0, 0.0), (0.0, 0.0, -90.0, 0.0)
 
@@ -308,3 +310,25 @@ def test_the_time_step_that_is_refused_is_near_where_flights_blow_up(free_of):
     assert plan.simulation.plant_period == 0.005
     free = free_of(vehicle, "midpoint", 0.03, lambda row: row).fly(1.5)
     assert not np.abs(free.v).max() < 1e3
+
+
+def test_hands_move_the_servos_goals_and_the_flight_can_be_gone_back_to():
+    flight = InteractiveFlight(prepare(scenario(duration=2.0), plant="servo", calm=True))
+    flight.advance(0.3)
+    flight.do("arm", {"positions": [-1.2, 0.3, 0.2, 0.0]})
+    flight.advance(0.6)
+    then = flight.arm.copy()
+    assert 0.1 < flight.arm[0, 1] < 0.35
+    flight.advance(0.2)
+    later = flight.arm.copy()
+    flight.rewind(0.9)
+    np.testing.assert_array_equal(flight.arm, then)
+    flight.advance(0.2)
+    np.testing.assert_array_equal(flight.arm, later)
+    run = flight.record
+    np.testing.assert_array_equal(run.arm[90], then[0])
+    again = refly(run)
+    for name, column in run.columns.items():
+        np.testing.assert_array_equal(again.columns[name], column, err_msg=name)
+    shown = Reel(run, run.vehicle).at(0.9)
+    np.testing.assert_array_equal(shown.arm, then[0])
