@@ -11,10 +11,11 @@ from meter import Row
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
-from fullam.analysis.atlas import batches, faces, facets
+from fullam.analysis.atlas import batches
 from fullam.analysis.atlas.envelope import Envelope
 from fullam.analysis.atlas.loads import centers_of, load_of
-from fullam.analysis.atlas.machine import available, machine_code
+from fullam.model.attainable import faces, facets
+from fullam.model.attainable.machine import available, machine_code
 from fullam.model.loading import load_vehicle
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)

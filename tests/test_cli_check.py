@@ -106,3 +106,36 @@ def test_where_the_equations_do_not_hold_the_table_is_printed_all_the_same(check
     data = json.loads(check(odd, "--json")[1])
     assert "JointModelSpherical" in data["agreement"]["not_applicable"]
     assert data["passed"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["fullam", "--failed", "3"], 0, "rotor_3 stopped: position and heading are held, tilted"),
+        (["fullam", "--failed", "rotor_1,rotor_5"], 1, "five of six axes are left (no force y"),
+        (["hextilt", "--failed", "3"], 1, "tilted by 29 deg, with 0.9 N to spare on these axes"),
+    ],
+)
+def test_what_is_left_without_rotors(check, arguments, code, says):
+    found, out = check(*arguments)
+    assert found == code
+    assert says in out
+    assert f"hover: {'IMPOSSIBLE' if code else 'possible'}" in out
+
+
+def test_what_is_left_without_rotors_as_data(check):
+    _, out = check("fullam", "--failed", "3", "--json")
+    left = json.loads(out)["remaining"]
+    assert left["rank"] == 6
+    assert left["trim"]["failed"] == ["rotor_3"]
+    assert left["trim"]["margin_N"] > 3.0 > 0.0 > left["trim"]["margin_level_N"]
+
+
+def test_a_whole_vehicle_is_told_what_it_holds_without_each_rotor(check):
+    _, out = check("fullam")
+    assert "hovers trimmed, a rotor stopped  8 of 8" in out
+
+
+def test_a_rotor_that_there_is_not(check, capsys):
+    assert cli.main(["check", "fullam", "--failed", "9"]) == 2
+    assert "give one of rotor_1" in capsys.readouterr().err

@@ -60,6 +60,8 @@ class Capability:
         margin_length: What turns moments into forces there [m].
         payload: Mass at the tool with which hover ends [kg].
         failed_tilts: The worst tilt with rotor 1, 2, ... stopped; None where it cannot hover.
+        failed_margins: Margin of its trim attitude with rotor 1, 2, ... stopped [N], not above 0
+            where no attitude can be held; None where an axis is lacking.
     """
 
     vehicle: str
@@ -91,6 +93,7 @@ class Capability:
     margin_length: float
     payload: float
     failed_tilts: tuple[float | None, ...]
+    failed_margins: tuple[float | None, ...]
 
     def rows(self) -> list[Row]:
         """The report, as (label, value, unit)."""
@@ -130,7 +133,12 @@ class Capability:
             azimuth = np.rad2deg(self.worst_azimuth or 0.0) % 360.0
             rows.insert(-5, ("  least towards azimuth", f"{azimuth:.0f}", "deg"))
         held = [tilt for tilt in self.failed_tilts if tilt is not None]
-        rows.append(("hovers with one rotor stopped", f"{len(held)} of {self.n_rotors}", ""))
+        rows.append(("hovers level, a rotor stopped", f"{len(held)} of {self.n_rotors}", ""))
+        margins = [m for m in self.failed_margins if m is not None and m > 0.0]
+        least = f"at least {min(margins):.2f} N to spare" if margins else ""
+        rows.append(
+            ("hovers trimmed, a rotor stopped", f"{len(margins)} of {self.n_rotors}", least)
+        )
         return rows
 
     def _arm_row(self) -> Row:
@@ -172,6 +180,7 @@ class Capability:
             "margin_length_m": self.margin_length,
             "payload_kg": self.payload,
             "failed_tilts_deg": [_degrees(tilt) for tilt in self.failed_tilts],
+            "failed_margins_N": list(self.failed_margins),
         }
 
 
@@ -215,6 +224,7 @@ def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
     if envelope.hover_shares is not None:
         shares = np.sqrt(envelope.hover_shares)
     worst, best = envelope.worst_tilt, envelope.best_tilt
+    failures = atlas.after_failures(theta)
     return Capability(
         vehicle=vehicle.name,
         n_rotors=rotors.count,
@@ -245,9 +255,9 @@ def assess(vehicle: Vehicle, theta: ArrayLike | None = None) -> Capability:
         margin_length=envelope.length,
         payload=envelope.payload,
         failed_tilts=tuple(
-            None if each.worst_tilt is None else each.worst_tilt[0]
-            for each in atlas.after_failures(theta)
+            None if each.worst_tilt is None else each.worst_tilt[0] for each in failures
         ),
+        failed_margins=tuple(each.trim_margin for each in failures),
     )
 
 

@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis.atlas.facets import facets_of
 from fullam.analysis.atlas.loads import load_of
 from fullam.analysis.atlas.rays import attained
 from fullam.analysis.foresight import reach_warning
@@ -23,6 +22,7 @@ from fullam.analysis.pushed import as_kernels
 from fullam.control.controllers import recommended_estimator
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.exceptions import FullamError
+from fullam.model.attainable.facets import facets_of
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.oscillation import LAST, errors, swing
@@ -48,8 +48,8 @@ class Finding:
     """Something that was in a flight's way.
 
     Attributes:
-        kind: "margin", "estimator", "delay", "swing", "reach", "saturation", "gusts",
-            "governor", or "unsettled" where there is nothing else.
+        kind: "margin", "estimator", "delay", "swing", "reach", "failure", "saturation",
+            "gusts", "governor", or "unsettled" where there is nothing else.
         what: What was found.
         remedy: What to change.
     """
@@ -81,7 +81,10 @@ def diagnose(run: Run) -> list[Finding]:
 
 
 def _reach(run: Run, vehicle: Vehicle) -> list[Finding]:
-    """A tilt that cannot be held at rest."""
+    """A tilt that cannot be held at rest; or how it hovered without rotors that have failed."""
+    trim = run.trim
+    if trim is not None:
+        return [Finding("failure", str(trim["says"]), "repair it, or land")]
     beyond = reach_warning(run.scenario, vehicle)
     if beyond is None or beyond.t > run.t[-1]:
         return []
@@ -153,7 +156,8 @@ def _saturation(run: Run, vehicle: Vehicle) -> list[Finding]:
     longest = _longest(run.saturated) * period
     if run.saturated.mean() < LEAST_SHARE and longest < LEAST_TIME:
         return []
-    square = np.square(run.rotor_commands[run.saturated] / rotors.max_speeds)
+    largest = np.where(rotors.max_speeds > 0.0, rotors.max_speeds, np.nan)  # failed: at no bound
+    square = np.square(run.rotor_commands[run.saturated] / largest)
     parts = []
     for side, at in (
         ("largest", square > 1.0 - AT_BOUND),

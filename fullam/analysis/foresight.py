@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.analysis.atlas.envelope import Envelope
-from fullam.analysis.atlas.facets import facets_of
 from fullam.analysis.atlas.loads import centers_of, load_of
 from fullam.dynamics.rotations import quaternion_rotation
+from fullam.model.attainable.facets import facets_of
 from fullam.model.joints import ArmJoints
 from fullam.model.vehicle import Vehicle
 from fullam.simulation import references

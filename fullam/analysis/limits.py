@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fullam.analysis.atlas.batches import worst_tilts
 from fullam.analysis.atlas.envelope import Envelope
-from fullam.analysis.atlas.facets import Facets
 from fullam.analysis.atlas.loads import centers_of, load_of
+from fullam.model.attainable.facets import Facets
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.facets import Facets, facets_of_columns
 from fullam.analysis.atlas.hover import least_total_thrust
 from fullam.analysis.atlas.loads import Load, load_of
 from fullam.analysis.atlas.rays import margin, multiples
 from fullam.analysis.atlas.tilt import attitude_bounds, worst_tilt
 from fullam.exceptions import UnknownName
+from fullam.model.attainable.facets import Facets, facets_of_columns
 from fullam.model.rotors import coupling_matrix
 from fullam.model.vehicle import Vehicle
 

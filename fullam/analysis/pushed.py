@@ -17,6 +17,7 @@ from fullam.control.estimator import flies_as_kernel
 from fullam.control.estimators import estimator_class
 from fullam.control.law import flies_as_kernels
 from fullam.control.signals import Command
+from fullam.dynamics.rotations import euler_angles
 from fullam.dynamics.spatial import Spatial, add_spatial
 from fullam.model.perturbation import Uncertainty
 from fullam.numbers.kernel import kernel
@@ -98,14 +99,18 @@ class Answers:
 def hover_of(plan: FlightPlan) -> FlightPlan:
     """A flight's vehicle, law, estimator and sensors in level hover, its arm held, in still air.
 
+    Without failed rotors it is level, with some in the attitude which the others hold best.
     The pose and the inertial sensors keep their noise, which some laws listen to; parameters are
     exact.
     """
-    s = plan.scenario
+    s, euler_deg = plan.scenario, (0.0, 0.0, 0.0)
+    if plan.trim is not None:
+        x, y, z = np.degrees(euler_angles(plan.trim.rotation)).tolist()
+        euler_deg = (x, y, z)
     scenario = replace(
         s,
-        reference=Step(s.initial_position),
-        initial_euler_deg=(0.0, 0.0, 0.0),
+        reference=Step(s.initial_position, euler_deg),
+        initial_euler_deg=euler_deg,
         arm_motion=HoldArm(),
         duration=SETTLE + HORIZON,
     )

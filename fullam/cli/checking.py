@@ -36,6 +36,7 @@ the states sampled on purpose near its worst), a wrong sign or a wrong frame abo
     argument(
         "--seed", type=options.seed, default=0, metavar="N", help="seed of the states (default: 0)"
     ),
+    argument("--failed", type=options.names, default=[], metavar="R,...", help=options.FAILED_HELP),
     argument("--controller", metavar="NAME", help="tell the margins of this law's loops as well"),
     argument("--estimator", metavar="NAME", help="with this estimator (default: the law's own)"),
     argument("--delay", type=options.delay, default=0.0, metavar="S", help="age of a pose [s] (0)"),
@@ -49,16 +50,22 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     First what its rotors can do: axes, lift, hover speeds, hover tilt; how far its joints go; and
     what loading let pass: joints that are held, odd inertias, missing meshes. Then the agreement of
     the paper's recursion, its matrix system and Pinocchio on random states, where the paper's
-    equations hold for the arm. With --controller also the phase, gain and delay margins of that
-    law's loops on this vehicle, in hover. Exit code 1 says that the vehicle cannot hover level,
-    that the three disagree or that a loop has no margin.
+    equations hold for the arm. With --failed what is left without some rotors: which axes, and at
+    which attitude it hovers. With --controller also the phase, gain and delay margins of that
+    law's loops on this vehicle, in hover. Exit code 1 says that the vehicle cannot hover
+    (level; with failed rotors in no attitude), that the three disagree or that a loop has no
+    margin.
     """
     from fullam.analysis.agreement import agreement
     from fullam.analysis.capability import assess
+    from fullam.analysis.remaining import remaining
     from fullam.model.loading import load_vehicle
     from fullam.model.meshes import missing_remark
 
     vehicle = load_vehicle(arguments.vehicle)
+    if arguments.failed:
+        vehicle = vehicle.with_failed(*arguments.failed)
+    left = remaining(vehicle) if arguments.failed else None
     capability = assess(vehicle)
     missing = missing_remark(vehicle)
     remarks = [*vehicle.remarks, *([missing] if missing else [])]
@@ -70,13 +77,15 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     except VehicleError as error:
         verdict = {"not_applicable": f"{error.field} {error.problem}; {error.remedy}"}
     agree = witnesses is None or witnesses.largest <= AGREEMENT
-    margins = margins_of(arguments, vehicle) if capability.can_hover else None
-    passed = capability.can_hover and agree and (margins is None or margins.enough)
+    can_hover = capability.can_hover if left is None else left.holds
+    margins = margins_of(arguments, vehicle) if can_hover else None
+    passed = can_hover and agree and (margins is None or margins.enough)
     if arguments.json:
         say_json(
             {
                 "vehicle": vehicle.name,
                 "capability": capability.to_dict(),
+                **({} if left is None else {"remaining": left.to_dict()}),
                 "remarks": remarks,
                 "agreement": verdict,
                 **({} if margins is None else {"margins": margins.to_dict()}),
@@ -93,7 +102,9 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     else:
         say(f"\n{witnesses}")
         say(f"\ndynamics: {'agree' if agree else 'DISAGREE'} (tolerance {AGREEMENT:g})")
-    say(f"hover: {'possible' if capability.can_hover else 'IMPOSSIBLE'}")
+    say(f"hover: {'possible' if can_hover else 'IMPOSSIBLE'}")
+    if left is not None:
+        say(str(left))
     if margins is not None:
         header = ["loop", "phase [deg]", "gain", "delay [ms]", "crossover [rad/s]"]
         say(f"\n{margins.controller} with the estimator {margins.estimator}, margins in hover:\n")

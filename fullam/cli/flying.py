@@ -79,6 +79,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     swings about its target.
     """
     flight = prepared(arguments, arguments.controller, dict(arguments.set))
+    tell_of_failure(flight)
     warn_of_reach(flight)
     warn_of_loop(flight)
     run, metrics = flown(flight, arguments.driver)
@@ -122,6 +123,7 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     code 1 says that a flight diverged or swings about its target.
     """
     plans = [prepared(arguments, name, {}) for name in arguments.controllers]
+    tell_of_failure(plans[0])
     warn_of_reach(plans[0])
     for plan in plans:
         warn_of_loop(plan)
@@ -188,11 +190,19 @@ def flown(plan: FlightPlan, driver: str = "python") -> tuple[Run, Metrics]:
     return run, measure(run)
 
 
+def tell_of_failure(plan: FlightPlan) -> None:
+    """Say before take-off what a vehicle with failed rotors holds."""
+    if plan.trim is not None:
+        complain(str(plan.trim))
+
+
 def warn_of_reach(plan: FlightPlan) -> None:
     """Say before take-off if a target is out of the vehicle's reach."""
     from fullam.analysis.foresight import reach_warning
     from fullam.exceptions import VehicleError
 
+    if plan.trim is not None:
+        return  # `tell_of_failure` says what is held instead
     try:
         found = reach_warning(plan.scenario, plan.nominal)
     except VehicleError:
@@ -225,6 +235,7 @@ def identity(run: Run) -> dict[str, Any]:
         "vehicle": metadata["vehicle"]["definition"]["name"],
         **{name: metadata[name] for name in ("controller", "settings", "seed", "driver")},
         **{name: metadata[name] for name in ("weather", "simulation", "outcome", "reason")},
+        **({} if run.trim is None else {"trim": run.trim}),
     }
 
 

@@ -15,6 +15,7 @@ def registered() -> dict[str, dict[str, str]]:
     from fullam.control.controllers import controller_class, controller_names
     from fullam.control.estimators import estimator_class, estimator_names
     from fullam.model.loading import load_vehicle, vehicle_names
+    from fullam.simulation.plants import PLANTS
     from fullam.simulation.scenario import load_scenario, scenario_names
     from fullam.simulation.weather import WEATHERS
 
@@ -23,6 +24,7 @@ def registered() -> dict[str, dict[str, str]]:
         "vehicles": {name: load_vehicle(name).description for name in vehicle_names()},
         "controllers": {name: _summary(controller_class(name)) for name in controller_names()},
         "estimators": {name: _summary(estimator_class(name)) for name in estimator_names()},
+        "plants": {name: _summary(plant) for name, plant in PLANTS.items()},
         "weathers": {
             name: (
                 f"noise {1e3 * w.position_noise:g} mm, {w.attitude_noise_deg:g} deg; "
@@ -40,7 +42,7 @@ def _summary(thing: object) -> str:
 
 @verb("list", JSON)
 def list_names(arguments: argparse.Namespace) -> int:
-    """List scenarios, vehicles, controllers, estimators and weathers."""
+    """List scenarios, vehicles, controllers, estimators, plants and weathers."""
     found = registered()
     if arguments.json:
         say_json(found)

@@ -83,6 +83,9 @@ def names(text: str) -> list[str]:
     return found
 
 
+FAILED_HELP = "rotors that stand still and are known to: names, or numbers from 1"
+
+
 def setting(text: str) -> tuple[str, Any]:
     """KEY=VALUE with the value in JSON or TOML; a bare word is a string."""
     key, equals, value = text.partition("=")
@@ -131,6 +134,7 @@ FLIGHT = (
     argument("--calm", action="store_true", help="no noise, no gusts, exact parameters"),
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
     argument("--vehicle", metavar="V", help="another vehicle than the scenario's: name or TOML"),
+    argument("--failed", type=names, default=[], metavar="R,...", help=FAILED_HELP),
     argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: the controller's own)"),
@@ -172,6 +176,7 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
         "calm": arguments.calm,
         "weather": arguments.weather,
         "vehicle": arguments.vehicle,
+        "failed": arguments.failed,
         "simulation": simulation_settings(arguments),
         "shaping": dict(arguments.shape),
     }

@@ -192,6 +192,7 @@ def fly_free(arguments: argparse.Namespace) -> int:
         arguments.controller,
         arguments.duration,
         seed=arguments.seed,
+        failed=arguments.failed,
         calm=arguments.calm,
         weather=arguments.weather,
         settings=dict(arguments.set),

@@ -279,6 +279,28 @@ class Vehicle:
         """
         require_rank(self.rotors, axes, self.name)
 
+    def with_failed(self, *rotors: int | str) -> Vehicle:
+        """The same vehicle with some rotors stopped, which whoever flies it knows.
+
+        Args:
+            *rotors: Their names, or numbers as texts, from "1"; or indices from 0.
+
+        Raises:
+            VehicleError: It has no such rotor.
+        """
+        names, n = self.rotors.names, self.rotors.count
+        known: dict[Any, int] = {str(i + 1): i for i in range(n)} | dict(enumerate(range(n)))
+        known |= {name: i for i, name in enumerate(names)}
+        for rotor in rotors:
+            if not isinstance(rotor, int | str) or isinstance(rotor, bool) or rotor not in known:
+                raise VehicleError(
+                    f"vehicle '{self.name}'",
+                    "failed rotor",
+                    f"is {shown(rotor)}",
+                    f"give one of {', '.join(names)}, or a number from 1 to {n}",
+                )
+        return replace(self, rotors=self.rotors.with_failed(*(known[r] for r in rotors)))
+
     def __repr__(self) -> str:
         """Name, sizes and mass."""
         return (

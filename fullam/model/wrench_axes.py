@@ -96,6 +96,9 @@ def require_rank(rotors: Rotors, axes: ArrayLike | None, vehicle_name: str) -> N
     if rank < asked:
         possible = controllable_axes(rotors)
         names = ", ".join(name for name, good in zip(AXES, possible, strict=True) if good)
+        remedy = "tilt the rotors"
+        if not rotors.max_speeds.all():
+            remedy = "see what is left by `fullam check VEHICLE --failed R`"
         raise NotFullyActuated(
-            vehicle_name, rank, asked, f"tilt the rotors, or pass axes={possible} ({names})"
+            vehicle_name, rank, asked, f"{remedy}, or pass axes={possible} ({names})"
         )

@@ -18,6 +18,7 @@ from fullam.control.controller import Controller
 from fullam.control.controllers import controller_class, make_settings
 from fullam.control.estimator import Estimator
 from fullam.control.law_stage import LawStage
+from fullam.control.trim import Trim
 from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import InvalidInput
 from fullam.numbers.program import Long
@@ -27,6 +28,7 @@ from fullam.simulation.flight import EstimateStage, Flight
 from fullam.simulation.flight_plan import FlightPlan, make_estimator
 from fullam.simulation.interventions import Intervention
 from fullam.simulation.stages import sense, sense_all
+from fullam.simulation.trimmed import trim_of
 from fullam.simulation.weather import Weather, forecast
 
 
@@ -68,13 +70,17 @@ class Draw(NamedTuple):
 
 
 class Aboard(NamedTuple):
-    """What flies at the moment: the crew as it was installed, and its parts."""
+    """What flies at the moment: the crew as it was installed, its parts, and how it hovers.
+
+    The last is None unless rotors are known to have failed.
+    """
 
     crew: Crew
     law: Controller
     estimator: Estimator
     memory: Any
     draw: Draw
+    trim: Trim | None
 
 
 class CrewChange:
@@ -90,7 +96,7 @@ class CrewChange:
         sensing, moving = flight.stages["sense"][1], flight.stages["move"][1]
         draw = Draw(sensing.noise, moving.gusts, sensing.inertial)
         memory = flight.stages["allocate"][1].memory
-        self.aboard = Aboard(Crew(), flight.controller, flight.estimator, memory, draw)
+        self.aboard = Aboard(Crew(), flight.controller, flight.estimator, memory, draw, plan.trim)
 
     def begin(self, k: int, crew: Crew) -> None:
         """Have a crew fly from control period k on; an estimator begins at the next new pose."""
@@ -113,6 +119,7 @@ class CrewChange:
             stages["inform"] = law.inform, stages["inform"][1]
         if wanted.known != now.known:
             self._allocate_without(wanted.known)
+            self._trim_without(wanted.known)
         self._put(crew=wanted)
         self._sense()
 
@@ -180,6 +187,26 @@ class CrewChange:
         problem = look(self._allocator(known).problem(SMALL_STORE))
         self._flight.stages["allocate"] = stage, view._replace(problem=problem, memory=memory)
         self._put(memory=memory)
+
+    def _trim_without(self, known: frozenset[int]) -> None:
+        """Have the governor give the target's tilt up for that which the other rotors hold best.
+
+        Once they all work again the tilt comes back, as after any shortage.
+        """
+        plan, view = self._plan, self._flight.stages["govern"][1]
+        governor = plan.simulation.governor
+        if governor is None or not all(plan.scenario.axes_mask):
+            return
+        nominal = plan.nominal.with_failed(*sorted(known))
+        trim = trim_of(nominal, plan.arm.theta)
+        now, weight = view.numbers[0], nominal.mass * nominal.gravity
+        up, least = now.up, 0.0
+        if trim is not None:
+            up, least = tuple(trim.up), 1.0
+        rows = governor.numbers(weight, plan.simulation.control_period, up, least)
+        stage = self._flight.stages["govern"][0]
+        self._flight.stages["govern"] = stage, view._replace(numbers=self._flight.lists.of(rows))
+        self._put(trim=trim)
 
     def moving(self, stage: Callable[[Any, int], None]) -> Callable[[Any, int], None]:
         """The plant's stage, on the rotors that work: the others run down whatever is asked."""

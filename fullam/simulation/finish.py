@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.control.trim import Trim
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
@@ -69,9 +70,15 @@ def finish(
         "reason": reason,
         "driver": driver,
         "versions": _versions(driver),
+        **trim_data(plan.trim),
         **more,
     }
     return Run({name: out[name] for name in columns_of(plan.simulation.plant)}, metadata)
+
+
+def trim_data(trim: Trim | None) -> dict[str, Any]:
+    """What metadata say of a vehicle with failed rotors: "trim", see `Trim`; nothing of others."""
+    return {} if trim is None else {"trim": trim.to_dict()}
 
 
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite")

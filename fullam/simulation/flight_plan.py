@@ -19,6 +19,7 @@ from fullam.control.controller import Controller
 from fullam.control.controllers import controller_class, recommended_estimator
 from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.estimators import estimator_class, make_estimator_settings
+from fullam.control.trim import Trim
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
@@ -30,6 +31,7 @@ from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.servo_motion import Contact
 from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.weather import Forecast, Weather, forecast
 
 Array = NDArray[np.float64]
@@ -56,6 +58,9 @@ class FlightPlan:
         anticipation: Known lags of the commanded motion; None if the scenario's shaping takes none
             off, or if a jump is left in `reference`.
         arm: The arm's motion on the half-step grid of the plant, (2 (N-1) substeps + 1) rows.
+        trim: How a nominal vehicle with failed rotors hovers; None for a whole one, without a
+            governor, and where not all six axes are controlled. If it is needed, `reference` has
+            its attitude.
         replaced: Another vehicle to fly than the seed's, for studies; see `with_true`.
         payloads: Bodies that the last link carries for a while; see `with_payloads`.
         contact: What the last link may touch, None for nothing; see `with_contact`.
@@ -73,6 +78,7 @@ class FlightPlan:
     reference: ReferenceTable
     anticipation: Anticipation | None
     arm: ArmTable
+    trim: Trim | None = None
     replaced: Vehicle | None = None
     payloads: tuple[Payload, ...] = ()
     contact: Contact | None = None
@@ -113,8 +119,13 @@ class FlightPlan:
             vehicle.joints,
         )
         asked = tabulate(scenario.reference, t, scenario.initial_pose)
-        start, anticipation = scenario.initial_pose, None
-        reference = scenario.shaping.blend(asked, start)
+        start, anticipation, trim = scenario.initial_pose, None, None
+        if simulation.governor is not None and all(scenario.axes_mask):
+            trim = trim_of(vehicle, arm.theta, asked.pose[:, 3:])
+        if trim is None or not trim.is_needed:
+            reference = scenario.shaping.blend(asked, start)
+        else:
+            reference = trim_reference(asked, start, scenario.shaping, trim, vehicle.mass)
         if scenario.shaping.anticipates(asked, start):
             estimator = make_estimator(simulation, weather, vehicle.gravity)
             law = controller_class(controller)(vehicle, settings, period, scenario.axes_mask)
@@ -134,6 +145,7 @@ class FlightPlan:
             reference,
             anticipation,
             arm,
+            trim,
         )
         if too_far := divergence(plan, 0, scenario.initial_pose):
             raise ScenarioError(

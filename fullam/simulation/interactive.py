@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.control.signals import Ahead, Target
+from fullam.control.trim import Trim
 from fullam.dynamics.spatial import Spatial, add_spatial
 from fullam.exceptions import InvalidInput
 from fullam.numbers.records import Rows, flat, record
 from fullam.simulation.crew import Aboard, CrewChange
-from fullam.simulation.finish import finish
+from fullam.simulation.finish import finish, trim_data
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.hand_force import NOTHING, Holds, felt, still_pushing
@@ -168,6 +169,11 @@ class InteractiveFlight(Touch):
         """Where the tool is, shape (3,) [m]."""
         return np.array(self._holds.place("tool", self.pose, self.arm[0]))
 
+    @property
+    def trim(self) -> Trim | None:
+        """How it hovers without the rotors that are known to have failed; None if none is."""
+        return self._change.aboard.trim
+
     def step(self) -> bool:
         """Fly the next control period; False if the flight is over."""
         with self.lock:
@@ -240,7 +246,7 @@ class InteractiveFlight(Touch):
         outcome = "completed" if self.outcome == "flying" else self.outcome
         horizon = plan.scenario.duration
         script = [done.to_dict() for done in self.script if done.period < rows]
-        metadata: dict[str, Any] = {}
+        metadata: dict[str, Any] = trim_data(self.trim)
         if script or (rows < len(plan.t) and outcome == "completed"):
             metadata["script"] = {"horizon": horizon, "interventions": script}
         if rows < len(plan.t) and outcome == "completed":

@@ -206,6 +206,12 @@ class Run:
         return dict(self.metadata["settings"])
 
     @property
+    def trim(self) -> dict[str, Any] | None:
+        """How it hovered without its failed rotors, see `Trim.to_dict`; None if none was known."""
+        found = self.metadata.get("trim")
+        return None if found is None else dict(found)
+
+    @property
     def seed(self) -> int:
         """Seed of the weather."""
         return int(self.metadata["seed"])

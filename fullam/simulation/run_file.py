@@ -192,6 +192,8 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         check.text(name, metadata[name])
     check.text("reason", metadata["reason"], prose=True)
     check.whole("seed", metadata["seed"])
+    trim = check.table("trim", metadata.get("trim", {"says": ""}))
+    check.text("trim", trim.get("says"), prose=True)
     if metadata["outcome"] not in OUTCOMES:
         problem = f"is {shown(metadata['outcome'])}"
         raise check.refuse("outcome", problem, f"a flight is one of {', '.join(OUTCOMES)}")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from fullam.checks import Checker
+from fullam.checks import Checker, shown
 from fullam.control.controllers import make_settings
 from fullam.exceptions import Diverged, ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
@@ -42,6 +42,7 @@ class Choices(TypedDict, total=False):
         plant: Which physics flies, "prescribed" or "servo"; the simulation's own by default.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
+        failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
     """
 
     vehicle: Vehicle | str | None
@@ -52,6 +53,7 @@ class Choices(TypedDict, total=False):
     simulation: SimulationSettings | Mapping[str, Any] | None
     plant: str | None
     shaping: Shaping | Mapping[str, Any] | None
+    failed: Sequence[int | str]
 
 
 def prepare(
@@ -66,6 +68,12 @@ def prepare(
     vehicle = choices.get("vehicle")
     if not isinstance(vehicle, Vehicle):
         vehicle = load_vehicle(scenario.vehicle if vehicle is None else vehicle)
+    failed = choices.get("failed", ())
+    if not isinstance(failed, list | tuple):
+        problem = f"is {shown(failed)}"
+        raise ScenarioError("flight", "failed", problem, "give a list of names, or of indices")
+    if failed:
+        vehicle = vehicle.with_failed(*failed)
     settings = choices.get("settings")
     if settings is None or isinstance(settings, Mapping):
         settings = make_settings(controller, settings)
@@ -136,10 +144,11 @@ def simulate(
         throw: Raise when the flight diverges (at the prompt); False returns the partial run with
             outcome "diverged" (in a campaign).
         **choices: `vehicle` (nominal; an instance, a name or a path), `seed` (of the weather, 0),
-            `weather` (an instance or a name), `calm` (no weather at all), `settings` (the
-            controller's) and `shaping` (of the reference; both an instance or a mapping of what
-            differs), `simulation` (rates, integrator, sensors, estimator), `plant` (the physics).
-            Each has the scenario's own or the default where it is left out; see `Choices`.
+            `failed` (rotors that stand still and are known to), `weather` (an instance or a name),
+            `calm` (no weather at all), `settings` (the controller's) and `shaping` (of the
+            reference; both an instance or a mapping of what differs), `simulation` (rates,
+            integrator, sensors, estimator), `plant` (the physics). Each has the scenario's own or
+            the default where it is left out; see `Choices`.
 
     Raises:
         Diverged: The flight left the bounds of sense; the error carries the partial run.

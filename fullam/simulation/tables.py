@@ -76,7 +76,11 @@ class Tables:
         self.thrust_coefficients = Rows(float, nominal.rotors.k_f[:, None])
         governor: Governor = s.governor or Governor()
         self.is_governed = s.governor is not None
-        self.governor = governor.numbers(nominal.mass * nominal.gravity, s.control_period)
+        self.governor = governor.numbers(
+            nominal.mass * nominal.gravity,
+            s.control_period,
+            None if plan.trim is None else plan.trim.up,
+        )
         self.rates = Rows(Rates, [[s.pose_every, nominal.gravity]])
         mask = np.array(plan.scenario.axes_mask[:3], dtype=float)
         cosine = np.cos(half_angle) if half_angle < 0.5 * np.pi else 0.0

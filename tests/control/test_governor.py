@@ -1,17 +1,28 @@
 """The governor: untouched flights to the last bit, tilts taken back and given again, one source."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 import fullam
-from fullam.control.governor import Governor, GovernorMemory, GovernView, govern, hand_on, levelled
+from fullam.control.governor import (
+    UP,
+    Governor,
+    GovernorMemory,
+    GovernView,
+    govern,
+    hand_on,
+    leaning,
+    levelled,
+)
 from fullam.control.signals import Delivery, Target
 from fullam.dynamics.so3 import compose, exponential, rotation_matrix
+from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import FullamError, SettingsError
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows, columns, size
+from fullam.numbers.vectors import rotate
 from fullam.simulation.many import fly_many
 from fullam.simulation.settings import SimulationSettings
 
@@ -36,15 +47,15 @@ def test_tilt_shrinks_by_the_share_about_the_same_axis_and_heading_stays(rng, sh
         tilted = compose(exponential(tuple(angle * axis)), yaw)
         expected = compose(exponential(tuple((1.0 - share) * angle * axis)), yaw)
         # Rounding of a dozen products, and of the arc tangent near 90 deg.
-        np.testing.assert_allclose(levelled(tilted, share), expected, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(levelled(tilted, share, UP), expected, rtol=0, atol=1e-14)
 
 
 def test_level_attitudes_stay_as_they_are():
     level = exponential((0.0, 0.0, 0.7))
-    assert levelled(level, 1.0) == level
+    assert levelled(level, 1.0, UP) == level
 
 
-def governed(missing, periods, kernel=govern, compiled=False, settings=None):
+def governed(missing, periods, kernel=govern, compiled=False, settings=None, **trim):
     """The stage over some periods with a force missing; returns memory and target, as arrays."""
     targets = np.zeros((periods, size(Target)))
     targets[:, 3:7] = exponential((0.3, -0.2, 0.0))
@@ -52,10 +63,10 @@ def governed(missing, periods, kernel=govern, compiled=False, settings=None):
     delivery[0, 6:9] = missing
     delivery[0, columns(Delivery)["saturated"]] = float(np.any(missing))
     memory, target = Rows.empty(GovernorMemory, 1), Rows.empty(Target, 1)
-    numbers = (settings or Governor()).numbers(WEIGHT, PERIOD)
+    numbers = (settings or Governor()).numbers(WEIGHT, PERIOD, **trim)
     view = GovernView(numbers, Rows(Target, targets), Rows(Delivery, delivery), memory, target)
     program([Stage(kernel, view)], compiled).run(0, periods)
-    return memory.array[0], target.array[0], targets[-1]
+    return memory.array[0, :2], target.array[0], targets[-1]
 
 
 def test_a_short_shortage_is_tolerated():
@@ -79,15 +90,70 @@ def test_without_a_shortage_nothing_is_touched():
     np.testing.assert_array_equal(target, asked)
 
 
+TRIM = (0.28, 0.0, 0.96)
+
+
+def test_without_a_rotor_the_target_leans_towards_the_force_that_is_missing():
+    """Delivered less what was wanted is (-1, 2, 0): it leans towards (1, -2, 0)."""
+    force = np.array([-1.0, 2.0, 0.0])
+    for weights in (0.1, 1.0, 30.0):
+        _, target, _ = governed(weights * WEIGHT * force, 5, up=TRIM)
+        z = np.array(rotate(rotation_matrix(tuple(target[3:7])), TRIM))
+        asked = exponential((0.3, -0.2, 0.0))
+        given_up = governed(weights * WEIGHT * force, 5, up=TRIM)[0][1]
+        before = np.array(rotate(rotation_matrix(levelled(asked, given_up, TRIM)), TRIM))
+        assert (z - before)[0] > 0.0 > (z - before)[1]
+
+
+def test_a_lean_is_bounded_and_rights_itself():
+    level = Governor(most_lean=0.1)
+    _, target, _ = governed((-50.0 * WEIGHT, 0.0, 0.0), 400, settings=level, up=TRIM)
+    z = np.array(rotate(rotation_matrix(tuple(target[3:7])), TRIM))
+    # All the tilt from the trim attitude is given up by then, so that the lean alone is left.
+    np.testing.assert_allclose(z, [np.sin(0.1), 0.0, np.cos(0.1)], atol=1e-6)  # an arc tangent
+    memory = (1.0, 0.0)
+    for _ in range(300):
+        memory = leaning(lean_numbers(), (*memory, 0.0), at_ease())[:2]
+    assert memory[0] == pytest.approx(np.exp(-3.0), rel=1e-9)  # 300 products
+
+
+def lean_numbers():
+    (numbers,) = Governor(most_lean=10.0).numbers(WEIGHT, PERIOD, TRIM).to_list()
+    return numbers
+
+
+def at_ease():
+    none = Spatial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return Delivery(none, none, 0.0)
+
+
+def test_a_tilt_that_is_given_up_in_any_case_is_gone_after_the_onset():
+    (_, half), *_ = governed((0.0, 0.0, 0.0), 25, up=TRIM, least=1.0)
+    (_, all_of_it), target, _ = governed((0.0, 0.0, 0.0), 51, up=TRIM, least=1.0)
+    assert half == pytest.approx(0.5)
+    assert all_of_it == 1.0
+    z = rotate(rotation_matrix(tuple(target[3:7])), TRIM)
+    np.testing.assert_allclose(z, [0.0, 0.0, 1.0], atol=1e-12)  # rounding
+
+
+def test_whole_vehicles_never_lean():
+    """Same bits as without the lean: its setting has no part in them."""
+    missing = (0.0, 0.3 * WEIGHT, 0.4 * WEIGHT)
+    for one, other in zip(
+        governed(missing, 60), governed(missing, 60, settings=Governor(lean=50.0)), strict=True
+    ):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_off_hands_the_target_on():
     _, target, asked = governed((0.0, 0.0, WEIGHT), 50, hand_on)
     np.testing.assert_array_equal(target, asked)
 
 
 def test_python_and_machine_code_give_the_same_bits():
-    for force in ((0.0, 0.0, 0.0), (3.0, -4.0, 1.0)):
-        by_python = governed(force, 30, compiled=False)
-        by_machine = governed(force, 30, compiled=True)
+    for force, up in (((0.0, 0.0, 0.0), None), ((3.0, -4.0, 1.0), None), ((3.0, -4.0, 1.0), TRIM)):
+        by_python = governed(force, 30, compiled=False, up=up)
+        by_machine = governed(force, 30, compiled=True, up=up)
         for one, other in zip(by_python, by_machine, strict=True):
             np.testing.assert_array_equal(one, other)
 
@@ -121,7 +187,10 @@ def test_without_the_governor_they_run_away():
     assert {run.outcome for run in fly_many(plan, RUNAWAYS)} == {"diverged"}
 
 
-@pytest.mark.parametrize("field", ["memory", "tolerated", "patience", "recovery"])
+FIELDS = [field.name for field in fields(Governor)]
+
+
+@pytest.mark.parametrize("field", FIELDS)
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_wrong_numbers_are_refused(field, value):
     with pytest.raises(SettingsError, match=field):

@@ -28,15 +28,15 @@ WORDS = (
 )
 OPTIONS = {
     "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
-            "--estimator --governor --shape --figure --driver --calm --json"),
+            "--estimator --governor --failed --shape --figure --driver --calm --json"),
     "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --shape "
-                "--figure --driver --calm --json"),
+                "--failed --figure --driver --calm --json"),
     "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
-              "--weather"),
+              "--weather --failed"),
     "list": "--json",
     "equations": "--json",
     "plot": "--what --out",
-    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --calm",
+    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --failed --calm",
     "sweep": ("--controllers --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
               "--tls-ca --driver --json"),
     "tune": "--budget --seed --jobs --driver",

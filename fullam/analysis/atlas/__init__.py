@@ -4,11 +4,9 @@ Rotors that turn from a least to a largest speed attain a convex set of wrenches
 known in closed form. So tilt, force, push, moment, margin, acceleration and payload are read off
 exactly, with their gradients, in microseconds.
 
+Facets are found in `fullam.model.attainable`: they depend on the rotors alone.
+
 Modules, inner ones first:
-    machine    functions on flat arrays, compiled where numba is installed
-    exterior   the vector orthogonal to five others in six dimensions
-    faces      all faces of the attainable wrenches, one by one
-    facets     what they mean: half-spaces of wrenches; they depend on the rotors alone
     loads      what the rotors have to hold: weight, centre of mass, tool wrench
     rays       how far from a wrench in a direction, and to the nearest bound
     tilt       how far the vehicle can lean: rose, worst, best, intervals

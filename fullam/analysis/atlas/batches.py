@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.facets import Facets
 from fullam.analysis.atlas.loads import Load
-from fullam.analysis.atlas.machine import available, kernel, machine_code
 from fullam.analysis.atlas.rays import ROUNDING
 from fullam.analysis.atlas.tilt import (
     attitude_bounds,
@@ -18,6 +16,8 @@ from fullam.analysis.atlas.tilt import (
     tilt_rose,
     worst_tilt,
 )
+from fullam.model.attainable.facets import Facets
+from fullam.model.attainable.machine import available, kernel, machine_code
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.facets import Facets, facets_of
 from fullam.analysis.atlas.hover import least_effort, least_total_thrust
 from fullam.analysis.atlas.loads import Load, load_of
 from fullam.analysis.atlas.rays import OUTSIDE, ROUNDING, Margin, margin, multiples, reach
@@ -21,6 +20,8 @@ from fullam.analysis.atlas.tilt import (
     tilt_rose,
     worst_tilt,
 )
+from fullam.control.trim import HoverMargins
+from fullam.model.attainable.facets import Facets, facets_of
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 
@@ -188,6 +189,17 @@ class Envelope:
     def margin(self) -> Margin:
         """Largest ball of wrenches about level hover (see `rays.margin`)."""
         return margin(self.facets, self.hover_wrench, self.length)
+
+    @cached_property
+    def trim_margin(self) -> float | None:
+        """The largest margin of any attitude, see `fullam.control.trim` [N]; None without six axes.
+
+        A wrench on the tool (`Load.extra`) is left out.
+        """
+        if self.facets.rank < 6:
+            return None
+        load = self.load
+        return HoverMargins.of(self.facets, load.weight, load.center, self.length).best()[1]
 
     @cached_property
     def thrust_to_weight(self) -> float:

@@ -7,8 +7,8 @@ from functools import cached_property
 from numpy.typing import ArrayLike
 
 from fullam.analysis.atlas.envelope import Envelope
-from fullam.analysis.atlas.facets import Facets, facets_of
 from fullam.analysis.atlas.loads import load_of
+from fullam.model.attainable.facets import Facets, facets_of
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
 

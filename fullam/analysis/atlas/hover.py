@@ -9,8 +9,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.analysis.atlas.facets import Facets
 from fullam.analysis.atlas.rays import attained
+from fullam.model.attainable.facets import Facets
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.facets import Facets
+from fullam.model.attainable.facets import Facets
 from fullam.model.wrench_axes import RANK_TOLERANCE
 
 Array = NDArray[np.float64]

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.facets import Facets
 from fullam.analysis.atlas.loads import Load
 from fullam.analysis.atlas.rays import OUTSIDE, ROUNDING, attained
+from fullam.model.attainable.facets import Facets
 
 Array = NDArray[np.float64]
 

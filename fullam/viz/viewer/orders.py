@@ -180,6 +180,7 @@ class Orders:
                 "seed": flight.plan.seed,
                 "outcome": flight.outcome,
                 "reason": flight.flight.reason,
+                "trim": None if flight.trim is None else str(flight.trim),
                 "controller": law.name,
                 "compensation": getattr(law.settings, "compensation", None),
                 "estimator": flight.flight.estimator.name,

@@ -4,7 +4,7 @@ const Panel = (() => {
   const element = (id) => document.getElementById(id);
   const panel = element("panel"), slider = element("slider"), toggle = element("toggle");
   const fields = {};
-  let live = null, held = false, note = null;
+  let live = null, held = false, note = null, trim = null;
 
   function field(name, text, options, change) {
     const label = document.createElement("label"), select = document.createElement("select");
@@ -93,6 +93,8 @@ const Panel = (() => {
     });
     fields.rotors.forEach((button, i) =>
       button.setAttribute("aria-pressed", String(!status.rotors[i])));
+    if (status.trim && status.trim !== trim) say(status.trim);
+    trim = status.trim;
     if (status.outcome === "diverged") say(`diverged ${status.reason}; scrub back, or restart`);
   });
 

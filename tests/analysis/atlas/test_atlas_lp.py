@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from fullam.analysis.atlas.facets import facets_of
 from fullam.analysis.atlas.loads import Load, load_of
 from fullam.analysis.atlas.rays import margin, multiples, reach
 from fullam.analysis.atlas.tilt import attitude_bounds, tilt_intervals, tilt_rose, worst_tilt
+from fullam.model.attainable.facets import facets_of
 from fullam.model.loading import load_vehicle
 from fullam.model.rotors import Rotors
 from fullam.model.wrench_axes import full_scale

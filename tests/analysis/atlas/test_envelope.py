@@ -10,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from fullam.analysis.atlas import batches, facets
+from fullam.analysis.atlas import batches
 from fullam.analysis.atlas.envelope import Envelope
-from fullam.analysis.atlas.facets import facets_of
 from fullam.analysis.atlas.loads import center_jacobian, centers_of, load_of
 from fullam.exceptions import VehicleError
+from fullam.model.attainable import facets
+from fullam.model.attainable.facets import facets_of
 from fullam.model.design import design_vehicle
 from fullam.model.loading import load_vehicle
 

@@ -23,10 +23,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.analysis.atlas.exterior import normal, plane, volume
-from fullam.analysis.atlas.faces import DEGENERATE, FLAT, complement, list_faces
-from fullam.analysis.atlas.machine import available, machine_code
 from fullam.exceptions import VehicleError
+from fullam.model.attainable.exterior import normal, plane, volume
+from fullam.model.attainable.faces import DEGENERATE, FLAT, complement, list_faces
+from fullam.model.attainable.machine import available, machine_code
 from fullam.model.rotors import Rotors
 from fullam.model.wrench_axes import RANK_TOLERANCE, full_scale
 

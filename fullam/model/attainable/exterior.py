@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fullam.analysis.atlas.machine import kernel
+from fullam.model.attainable.machine import kernel
 
 PLANE, VOLUME = 15, 20
 """Numbers of 2 x 2 minors of two, and of 3 x 3 minors of three vectors, in lexicographic order."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fullam.analysis.atlas.exterior import normal, plane, volume
-from fullam.analysis.atlas.machine import kernel
+from fullam.model.attainable.exterior import normal, plane, volume
+from fullam.model.attainable.machine import kernel
 
 DEGENERATE = 1e-12
 """Columns that span less than this share of the product of their lengths span no face.

@@ -1,8 +1,8 @@
-"""Machine code for the atlas: functions on numbers and flat arrays, compiled when first called.
+"""Machine code for the atlas and its facets: functions on flat arrays, compiled when first called.
 
 Everything here runs without numba, by numpy or by plain Python. Where numba is installed the
 functions marked `compiled` turn into machine code on their first call, and are kept on disk under a
-key made of all sources of this package: numba by itself does not notice that a callee has changed.
+key made of the sources of all kernels: numba by itself does not notice that a callee has changed.
 Nothing is imported before that first call.
 """
 
@@ -77,8 +77,7 @@ def _teach_kernels() -> None:
         _taught.append(function)
 
 
-@functools.cache
 def _digest() -> str:
     """Digest of the sources that machine code is made of."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    files = sorted({Path(function.__code__.co_filename) for function in KERNELS})
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
