@@ -72,6 +72,7 @@ PLANT_COLUMNS: dict[str, dict[str, Column]] = {
     "servo": {
         "arm_goal": Column("arm", "rad", "goals of the servos; [m] of prismatic joints"),
         "arm_torque": Column("arm", "N m", "torques at the joints; [N] of prismatic joints"),
+        "contact_wrench": Column(6, "N, N m", "of contact on the last link, world axes at {A}"),
     },
 }
 """More columns of runs of a plant, by its name."""
@@ -144,6 +145,7 @@ class Run:
     disturbance: Array
     arm_goal: Array
     arm_torque: Array
+    contact_wrench: Array
 
     def __len__(self) -> int:
         """Number of controller ticks."""

@@ -34,6 +34,7 @@ from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
     Spatial,
     add_spatial,
+    rotate_spatial,
     rotate_spatial_back,
     scale_spatial,
     subtract_spatial,
@@ -116,6 +117,17 @@ class ArmRecordView(NamedTuple):
     arm: Any
     servos: Any
     goals: Any
+    entries: Any
+
+
+class FeelView(NamedTuple):
+    """What the stage that records contact is shown; `entries` are `Spatial`, one a period."""
+
+    state: Any
+    links: Any
+    arm: Any
+    room: Any
+    world: Any
     entries: Any
 
 
@@ -250,6 +262,22 @@ def record_arm(view, k):
         motion, servo, goal = view.arm[i], view.servos[i], view.goals[i]
         torque = servo_torque(servo, goal, motion.position, motion.rate)
         row[i] = ArmEntry(motion.position, motion.rate, goal, torque)
+
+
+@cache
+def feel_stage(contact: Function) -> Any:
+    """The stage that records what pushes the last link, world axes at {A}, before it moves on."""
+
+    @kernel
+    def feel_contact(view, k):
+        state, room = view.state[0], view.room
+        for i in range(len(view.arm)):
+            room.motions[i] = view.arm[i]
+        sweep_out(view.links, state.twist.angular, room)
+        push = contact(view.world, view.links, room, state.pose, state.twist)
+        view.entries[k] = rotate_spatial(rotation_matrix(state.pose.attitude), push)
+
+    return feel_contact
 
 
 class PinocchioJoints:

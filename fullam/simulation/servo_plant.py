@@ -21,6 +21,7 @@ from fullam.dynamics.articulated import ArmRows
 from fullam.dynamics.placing import PlaceView
 from fullam.dynamics.recursion import Joint, JointMotion, Link
 from fullam.dynamics.servo import ServoNumbers
+from fullam.dynamics.spatial import Spatial
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
@@ -31,9 +32,11 @@ from fullam.simulation.servo_motion import (
     NOTHING,
     ArmEntry,
     ArmRecordView,
+    FeelView,
     PinocchioJoints,
     ServoView,
     Slope,
+    feel_stage,
     record_arm,
     servo_stage,
 )
@@ -48,6 +51,7 @@ class ServoPlant(Plant):
         servos: `ServoNumbers` of the joints, which all flights share.
         goals: The servos' goals.
         entries: The joints' part of the record, (periods, n), if it is kept.
+        contacts: What pushed the last link, `Spatial` rows of the record.
     """
 
     name = "servo"
@@ -72,6 +76,7 @@ class ServoPlant(Plant):
         self._twin_room = ArmRows.empty(n, around.lanes)
         self.entries = self._empty(ArmEntry, around.kept, n)
         self._contact = plan.contact or NOTHING
+        self.contacts = self._empty(Spatial, around.kept)
         self._payloads = Rows.of(Payload, list(plan.payloads)) if plan.payloads else None
         self._carried = self._empty(Link, n + 1) if plan.payloads else around.drawn.links
         self.seen = SeenArm(
@@ -119,6 +124,16 @@ class ServoPlant(Plant):
         if self._payloads is not None:
             loading = LoadView(self.around.drawn.links, self._payloads, self._carried)
             stages["load"] = Stage(load, loading)
+        if self._contact is not NOTHING and self.around.kept:
+            feeling = FeelView(
+                self.around.state,
+                self._carried,
+                self.arm,
+                self._room,
+                self._contact.world,
+                self.contacts,
+            )
+            stages["feel"] = Stage(feel_stage(self._contact.kernel), feeling)
         return stages
 
     def _goal_view(self) -> GoalView:
@@ -184,11 +199,15 @@ class ServoPlant(Plant):
         )
 
     def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:
-        """See `Plant`: the true arm, the servos' goals and torques."""
-        entries = self.entries.array[:rows]
-        entries = entries[..., lane] if self.around.lanes else entries
+        """See `Plant`: the true arm, the servos' goals and torques, and contact."""
+        parts = [
+            rows_.array[:rows, ..., lane] if self.around.lanes else rows_.array[:rows]
+            for rows_ in (self.entries, self.contacts)
+        ]
+        entries, contacts = (np.array(part) for part in parts)
         names = "arm", "arm_rate", "arm_goal", "arm_torque"
-        return {name: np.array(entries[..., i]) for i, name in enumerate(names)}
+        log = {name: np.ascontiguousarray(entries[..., i]) for i, name in enumerate(names)}
+        return log | {"contact_wrench": contacts}
 
     def remembered(self) -> Sequence[Rows]:
         """See `Plant`."""

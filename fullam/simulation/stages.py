@@ -15,9 +15,10 @@ A flight is a list of stages, called in turn in every control period:
     record    write the row of the period                            here
     record arm    write its joints' part                             `servo_motion`
     load      which bodies does the last link carry?                 `payload`
+    feel      write what pushes the last link                        `servo_motion`
     move      fly the period                                         `plant`, `servo_motion`
 
-Four of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
+Five of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
 done.
 
 Each is a kernel f(view, k) on a view of its own, so Python, machine code and lanes fly the same.
@@ -43,11 +44,11 @@ from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
     *("watch", "sense", "estimate", "foresee", "govern", "steer", "encode", "command"),
-    *("allocate", "inform", "record", "record arm", "load", "move"),
+    *("allocate", "inform", "record", "record arm", "load", "feel", "move"),
 )
 """The stages, as a control period calls them."""
 
-OF_SERVOS = ("steer", "encode", "record arm", "load")
+OF_SERVOS = ("steer", "encode", "record arm", "load", "feel")
 """Those that a flight with prescribed joints does without."""
 
 

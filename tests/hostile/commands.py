@@ -28,7 +28,8 @@ WORDS = (
 )
 OPTIONS = {
     "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
-            "--estimator --governor --failed --shape --figure --driver --calm --json"),
+            "--estimator --plant --plant-set --governor --failed --shape --figure --driver "
+            "--calm --json"),
     "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --shape "
                 "--failed --figure --driver --calm --json"),
     "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
@@ -37,8 +38,8 @@ OPTIONS = {
     "equations": "--json",
     "plot": "--what --out",
     "view": "--controller --seed --offset --speed --port --wait --at --vehicle --failed --calm",
-    "sweep": ("--controllers --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
-              "--tls-ca --driver --json"),
+    "sweep": ("--controllers --runs --tuned --estimator --plant --plant-set --weather --no-gusts "
+              "--overwrite --jobs --tls-ca --driver --json"),
     "tune": "--budget --seed --jobs --driver",
     "datasheet": "--out --flights --seed --json",
     "design": ("--rotors --objective --free --period --reserve --min-efficiency --min-tilt --arm "

@@ -117,7 +117,7 @@ def scenario():
 
 
 def reaching():
-    """A hover over a floor that the hanging tool stands 2 mm in, on a flight that goes lower."""
+    """A hover whose hanging tool begins 2 mm deep in a floor, and which picks up a brick."""
     flown, vehicle = scenario(), VEHICLE
     data = vehicle.model.createData()
     q = vehicle.neutral(np.radians((-90.0, 0.0, 0.0, 0.0)))
@@ -141,6 +141,8 @@ def test_contact_and_payload_fly_the_same_under_all_drivers():
         for name, column in fused.columns.items():
             np.testing.assert_array_equal(run.columns[name], column, err_msg=name)
     assert fused.pose[15, 2] > 2.0001, "the floor pushes the tool up"
+    # 2 mm deep at first, by the tool's radius less the gap.
+    assert fused.contact_wrench[0, 2] == pytest.approx(3e4 * 0.002**1.5, rel=1e-6)
     empty = fly_fused(plan.with_payloads())
     np.testing.assert_array_equal(empty.pose[:21], fused.pose[:21])
     assert fused.pose[30, 2] < empty.pose[30, 2] - 3e-4, "the brick weighs"
