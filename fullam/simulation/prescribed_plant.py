@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fullam.dynamics.integrators import integrator
+from fullam.exceptions import ScenarioError
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.simulation.plant import PinocchioRate, PlantView, advance, plant_stage
@@ -18,9 +19,17 @@ class PrescribedPlant(Plant):
     name = "prescribed"
 
     def __init__(self, around: Surroundings) -> None:
-        """Read the arm from the plan's tables."""
+        """Read the arm from the plan's tables.
+
+        Raises:
+            ScenarioError: The plan has contact or payloads, which need joints that give way.
+        """
         super().__init__(around)
         tables = around.tables
+        for name in ("contact", "payloads"):
+            if getattr(tables.plan, name):
+                remedy = "fly it with plant='servo'"
+                raise ScenarioError("plant 'prescribed'", name, "cannot be felt by it", remedy)
         self.seen = SeenArm(tables.links, tables.motions, *tables.placed, tables.joint_rows)
 
     def stages(self) -> dict[str, Stage]:

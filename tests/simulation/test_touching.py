@@ -8,6 +8,7 @@ import fullam
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Link, shift_inertia
 from fullam.dynamics.so3 import rotation_matrix
+from fullam.exceptions import ScenarioError
 from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
 from fullam.numbers.records import Rows, record
@@ -157,3 +158,12 @@ def test_a_payload_is_a_rigid_body_fixed_to_the_link():
     about = [shift_inertia(b.inertia, b.mass, b.com) for b in (link, brick, both)]
     np.testing.assert_allclose(np.add(about[0], about[1]), about[2], atol=1e-12)
     assert record(Link, [0.0] * 23).mass == 0.0
+
+
+def test_joints_on_rails_touch_nothing():
+    plan = prepare(scenario(), calm=True)
+    brick = Payload(0.0, 9.0, 0.1, ZERO, (1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4))
+    touched = plan.with_contact(Contact(tool_contact, world(tool_of(VEHICLE))))
+    for other, word in ((plan.with_payloads(brick), "payloads"), (touched, "contact")):
+        with pytest.raises(ScenarioError, match=word):
+            fly_by_python(other)
