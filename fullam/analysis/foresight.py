@@ -13,8 +13,9 @@ from fullam.dynamics.rotations import quaternion_rotation
 from fullam.model.attainable.facets import facets_of
 from fullam.model.joints import ArmJoints
 from fullam.model.vehicle import Vehicle
-from fullam.simulation import references
+from fullam.simulation import arm_motion, references
 from fullam.simulation.scenario import Scenario
+from fullam.simulation.tool_solution import with_tool_solved
 
 Array = NDArray[np.float64]
 
@@ -77,10 +78,9 @@ def reach_warning(scenario: Scenario, vehicle: Vehicle) -> OutOfReach | None:
     """
     t = np.linspace(0.0, scenario.duration, SAMPLES)
     joints = vehicle.joints
-    initial = joints.rest
-    if scenario.initial_arm_deg:
-        initial = joints.from_typed(scenario.initial_arm_deg)
-    arm = scenario.arm_motion.tabulate(t, initial).theta
+    scenario = with_tool_solved(scenario, vehicle)
+    start = scenario.initial_arm(vehicle)
+    arm = arm_motion.tabulate(scenario.arm_motion, t, start, joints).theta
     pose = references.tabulate(scenario.reference, t, scenario.initial_pose).pose
     up = quaternion_rotation(pose[:, 3:])[:, 2, :]
     if not all(scenario.axes_mask):

@@ -94,11 +94,12 @@ class ArmJoints:
         """The inverse of `from_typed`."""
         return np.asarray(positions, dtype=np.float64) / self._scale
 
-    def position_problem(self, positions: Array) -> str | None:
+    def position_problem(self, positions: Array, times: Array | None = None) -> str | None:
         """Which joint leaves its limits and where to, or None.
 
         Args:
             positions: One or many, shape (..., n) [rad or m].
+            times: Of each [s], to tell when it first leaves them.
         """
         rows = np.reshape(positions, (-1, max(1, len(self.names))))
         for k, name in enumerate(self.names):
@@ -107,7 +108,9 @@ class ArmJoints:
                 continue
             extreme = high if high > self.upper[k] + SLACK else low
             reached = f"{self._typed(extreme, k)} {self.units[k]}"
-            return f"takes joint '{name}' to {reached}; it goes {self.range_of(k)}"
+            beyond = (rows[:, k] < self.lower[k] - SLACK) | (rows[:, k] > self.upper[k] + SLACK)
+            text = f"takes joint '{name}' to {reached}; it goes {self.range_of(k)}"
+            return text + _first(beyond, times)
         return None
 
     def rows(self) -> list[tuple[str, str, str]]:
@@ -127,18 +130,20 @@ class ArmJoints:
         lower, upper = self._typed(self.lower[k], k), self._typed(self.upper[k], k)
         return f"from {lower} to {upper} {self.units[k]}"
 
-    def rate_problem(self, rates: Array) -> str | None:
+    def rate_problem(self, rates: Array, times: Array | None = None) -> str | None:
         """Which joint moves faster than it can, or None.
 
         Args:
             rates: One or many, shape (..., n) [rad/s or m/s].
+            times: Of each [s], to tell when it first does.
         """
         rows = np.abs(np.reshape(rates, (-1, max(1, len(self.names)))))
         for k, name in enumerate(self.names):
             if rows[:, k].max() > self.max_rates[k] + SLACK:
                 fastest, most = self._typed(rows[:, k].max(), k), self._typed(self.max_rates[k], k)
                 unit = f"{self.units[k]}/s"
-                return f"moves joint '{name}' at {fastest} {unit}; it can {most} {unit}"
+                text = f"moves joint '{name}' at {fastest} {unit}; it can {most} {unit}"
+                return text + _first(rows[:, k] > self.max_rates[k] + SLACK, times)
         return None
 
     @property
@@ -147,3 +152,8 @@ class ArmJoints:
 
     def _typed(self, value: float, k: int) -> str:
         return f"{value / self._scale[k]:.4g}"
+
+
+def _first(beyond: NDArray[np.bool_], times: Array | None) -> str:
+    """When rows first are beyond something, as the end of a sentence."""
+    return "" if times is None else f" (first at t = {times[np.argmax(beyond)]:g} s)"

@@ -6,25 +6,57 @@ Positions are in rad of a revolute joint and in m of a prismatic one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.checks import Checker, Range, within
+from fullam.checks import Checker, Range, shown, within
 from fullam.exceptions import ScenarioError
 from fullam.model.joints import ArmJoints
+from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.excitation import ArmExcitation
+from fullam.simulation.follows_tool import FollowsTool
+from fullam.simulation.joint_trajectory import JointTrajectory
+from fullam.simulation.motion_rows import ArmRows
+from fullam.simulation.reference_table import name_of
+
+__all__ = [
+    "KINDS",
+    "ArmMotion",
+    "ArmTable",
+    "HoldArm",
+    "JointTrajectory",
+    "SineRate",
+    "tabulate",
+    "tabulate_within_limits",
+]
 
 Array = NDArray[np.float64]
 
+PARTS = ("theta", "dtheta", "ddtheta")
+"""Parts of a table."""
 
-@dataclass(frozen=True, eq=False)
-class ArmTable:
-    """Joint positions, rates and accelerations on a time grid, each of shape (N, n)."""
 
-    theta: Array
-    dtheta: Array
-    ddtheta: Array
+class ArmMotion(Protocol):
+    """How the arm moves: whoever has this method can be flown.
+
+    A class of one's own needs nothing else. It is asked once, before take-off; its table goes into
+    the record, which flies again without the class.
+    """
+
+    def tabulate(self, t: Array, initial: Array) -> ArmTable:
+        """The motion on the half steps of the plant.
+
+        Args:
+            t: Times, shape (N,), from 0 on in equal steps [s].
+            initial: Positions at the start, shape (n,) [rad, or m of a prismatic joint].
+
+        Returns:
+            Positions, rates and accelerations, each of shape (N, n); the first position is the
+            initial one, and each is the derivative of the one before it.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -82,12 +114,7 @@ class SineRate:
         return ArmTable(theta, dtheta, ddtheta)
 
 
-ArmMotion = HoldArm | SineRate
-
-
-def tabulate_within_limits(
-    motion: ArmMotion, t: Array, initial: Array, joints: ArmJoints
-) -> ArmTable:
+def tabulate_within_limits(motion: Any, t: Array, initial: Array, joints: ArmJoints) -> ArmTable:
     """The motion on a time grid, held to the limits that the URDF gives its joints.
 
     Args:
@@ -98,18 +125,56 @@ def tabulate_within_limits(
 
     Raises:
         ScenarioError: A joint goes beyond its limits, or faster than it can; or the motion does
-            not fit the arm.
+            not fit the arm, or is not finite.
     """
-    table = motion.tabulate(t, initial)
-    problem = joints.position_problem(table.theta) or joints.rate_problem(table.dtheta)
+    table = tabulate(motion, t, initial, joints)
+    problem = joints.position_problem(table.theta, t) or joints.rate_problem(table.dtheta, t)
     if problem is not None:
         raise ScenarioError(
             "arm motion",
-            motion.kind,
+            name_of(motion),
             problem,
             "start elsewhere, move less or slower, or widen the <limit> in the URDF",
         )
     return table
 
 
-KINDS: dict[str, type[ArmMotion]] = {c.kind: c for c in (HoldArm, SineRate)}
+def tabulate(motion: Any, t: Array, initial: Array, joints: ArmJoints) -> ArmTable:
+    """The motion on a time grid, whatever its limits.
+
+    Raises:
+        ScenarioError: What it gives is no table on this grid, or some entry is NaN or infinite;
+            the message says which joint, and when.
+    """
+    if isinstance(motion, JointTrajectory):
+        return motion.tabulate(t, initial, joints)
+    where = f"arm motion '{name_of(motion)}'"
+    table = motion.tabulate(t, initial)
+    for field in PARTS:
+        rows = getattr(table, field, None)
+        if not isinstance(rows, np.ndarray) or rows.shape != (t.size, initial.size):
+            raise ScenarioError(
+                where,
+                field,
+                f"is {shown(getattr(rows, 'shape', rows))}",
+                f"tabulate gives an array of shape ({t.size}, {initial.size})",
+            )
+        if rows.dtype.kind not in "iuf":
+            raise ScenarioError(where, field, f"is of type {rows.dtype}", "give real numbers")
+        for row, column in np.argwhere(~np.isfinite(rows))[:1]:
+            raise ScenarioError(
+                where,
+                f"{field} of joint '{joints.names[column]}' at t = {t[row]:g} s",
+                "is not finite",
+                "a motion gives finite positions, rates and accelerations at every time",
+            )
+    return ArmTable(*(np.asarray(getattr(table, field), float) for field in PARTS))
+
+
+KINDS: dict[str, Any] = {
+    c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmExcitation, ArmRows, FollowsTool)
+} | {
+    "minimum-snap": JointTrajectory.minimum_snap,
+    "b-spline": JointTrajectory.b_spline,
+}
+"""What a scenario's table may name, and what makes an arm motion of its other entries."""

@@ -97,7 +97,9 @@ def _jumps(table: ReferenceTable, start_pose: Array) -> tuple[NDArray[np.intp], 
     delta = table.pose[:, :3] - before[:, :3] - travel[:, :3]
     relative = quaternions.product(table.pose[:, 3:], quaternions.inverse(before[:, 3:]))
     turn = quaternions.to_rotation_vector(relative) - travel[:, 3:]
-    slack = 1e-6 + np.linalg.norm(acceleration, axis=1) * dt[:, 0] ** 2
+    # Both rows' accelerations: one alone may be passing through zero.
+    pull = np.linalg.norm(acceleration, axis=1)
+    slack = 1e-6 + np.maximum(pull, np.concatenate([pull[:1], pull[:-1]])) * dt[:, 0] ** 2
     jumps = np.linalg.norm(delta, axis=1) + np.linalg.norm(turn, axis=1) > slack
     return np.flatnonzero(jumps), delta, turn
 

@@ -196,7 +196,8 @@ class Block:
         """What the sensors' stage is shown."""
         rates, drawn = self.tables.rates, self.drawn
         inertial = drawn.inertial or self._empty(InertialNoise, 0)
-        return SenseView(self.state, self.poses, drawn.noise, inertial, rates, self.readings)
+        errors = drawn.noise, drawn.missing, inertial, drawn.gains
+        return SenseView(self.state, self.poses, *errors, rates, self.readings)
 
     def estimate_view(self) -> EstimateView:
         """What the estimator's stage is shown."""

@@ -1,12 +1,13 @@
-"""Where the platform should be: references as data, tabulated on the control grid.
+"""Where the platform should be: references as data.
 
-A reference is tabulated once before a flight, so the loop only reads rows, and a NaN or a
-malformed table is found on the ground.
+`reference_table` says what a reference is; `Trajectory` is the smooth one.
 """
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from inspect import signature
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -16,28 +17,30 @@ from numpy.typing import NDArray
 from fullam.checks import Checker, Range, from_zero, positive, shown, within
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import ScenarioError, UnknownName
+from fullam.simulation.excitation import Excitation
+from fullam.simulation.follows_tool import FollowsTool
+from fullam.simulation.motion_rows import ReferenceRows
+from fullam.simulation.reference_table import Reference, ReferenceTable, name_of, tabulate
+from fullam.simulation.trajectory import Trajectory
+
+__all__ = [
+    "KINDS",
+    "Circle",
+    "Reference",
+    "ReferenceTable",
+    "Step",
+    "Trajectory",
+    "Waypoints",
+    "from_dict",
+    "is_kind",
+    "tabulate",
+    "to_dict",
+]
 
 Array = NDArray[np.float64]
 
 ON_GRID = 1e-9
 """A time on the grid may be a rounding error below the number that was typed [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceTable:
-    """A reference on a time grid.
-
-    Attributes:
-        t: Times [s], shape (N,).
-        pose: [p, quaternion xyzw], shape (N, 7).
-        velocity: [dp, w] in world axes, shape (N, 6) [m/s, rad/s].
-        acceleration: [ddp, dw] in world axes, shape (N, 6) [m/s^2, rad/s^2].
-    """
-
-    t: Array
-    pose: Array
-    velocity: Array
-    acceleration: Array
 
 
 FAR, TURNED = within(1e6, "m"), within(1e5, "deg")
@@ -175,17 +178,18 @@ class Circle:
         )
 
 
-Reference = Step | Waypoints | Circle
+KINDS: dict[str, Any] = {
+    c.kind: c for c in (Step, Waypoints, Circle, Trajectory, Excitation, ReferenceRows, FollowsTool)
+} | {"minimum-snap": Trajectory.minimum_snap, "b-spline": Trajectory.b_spline}
+"""What a scenario's table may name, and what makes a reference of its other entries."""
 
-KINDS: dict[str, type[Reference]] = {c.kind: c for c in (Step, Waypoints, Circle)}
 
-
-def from_dict(cls_by_kind: dict[str, Any], what: str, data: dict[str, Any]) -> Any:
-    """Build one of several dataclasses from {"kind": ..., fields}; the inverse of `to_dict`.
+def from_dict(cls_by_kind: Mapping[str, Any], what: str, data: dict[str, Any]) -> Any:
+    """Build one of several motions from {"kind": ..., arguments}; the inverse of `to_dict`.
 
     Raises:
         UnknownName: No such kind; the message lists the known ones.
-        ScenarioError: A field that the kind does not have, or one that is missing.
+        ScenarioError: An argument that the kind does not have, or one that is missing.
     """
     values = Checker(what, ScenarioError).table("table", data)
     kind = values.pop("kind", "")
@@ -193,44 +197,21 @@ def from_dict(cls_by_kind: dict[str, Any], what: str, data: dict[str, Any]) -> A
         raise UnknownName(
             f"kind of {what}", kind if isinstance(kind, str) else shown(kind), cls_by_kind
         )
-    cls = cls_by_kind[kind]
+    make = cls_by_kind[kind]
     check = Checker(f"{what} '{kind}'", ScenarioError)
-    check.known(values, tuple(f.name for f in fields(cls)))
-    for f in fields(cls):
-        if f.name not in values and f.default is MISSING and f.default_factory is MISSING:
-            raise check.refuse(f.name, "is missing", "give it")
-    return cls(**values)
+    wanted = signature(make).parameters
+    check.known(values, tuple(wanted))
+    for name, parameter in wanted.items():
+        if name not in values and parameter.default is parameter.empty:
+            raise check.refuse(name, "is missing", "give it")
+    return make(**values)
 
 
 def to_dict(value: Any) -> dict[str, Any]:
-    """{"kind": ..., fields} of one of the reference or arm-motion dataclasses."""
+    """{"kind": ..., fields} of one of fullam's reference or arm-motion dataclasses."""
     return {"kind": value.kind, **{f.name: getattr(value, f.name) for f in fields(value)}}
 
 
-def tabulate(reference: Reference, t: Array, initial_pose: Array) -> ReferenceTable:
-    """Tabulate and check a reference.
-
-    Raises:
-        ScenarioError: Some entry is NaN or infinite; the message says which, and when.
-    """
-    table = reference.tabulate(t, initial_pose)
-    for field, width in (("pose", 7), ("velocity", 6), ("acceleration", 6)):
-        rows = getattr(table, field, None)
-        if not isinstance(rows, np.ndarray) or rows.shape != (t.size, width):
-            raise ScenarioError(
-                f"reference '{reference.kind}'",
-                field,
-                f"is {shown(getattr(rows, 'shape', rows))}",
-                f"tabulate gives an array of shape ({t.size}, {width})",
-            )
-    for field in ("pose", "velocity", "acceleration"):
-        bad = np.argwhere(~np.isfinite(getattr(table, field)))
-        if bad.size:
-            row, column = bad[0]
-            raise ScenarioError(
-                f"reference '{reference.kind}'",
-                f"{field}[{column}] at t = {t[row]:g} s",
-                "is not finite",
-                "a reference gives a finite pose, velocity and acceleration at every time",
-            )
-    return table
+def is_kind(motion: Any, kinds: Mapping[str, Any]) -> bool:
+    """Whether a motion is of one of these kinds, which plain data rebuild."""
+    return kinds.get(name_of(motion)) is type(motion)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +13,26 @@ from fullam.checks import Checker, positive, read_toml, shown
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import discover
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
-from fullam.simulation.references import Reference, Step
+from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.follows_tool import FollowsTool
+from fullam.simulation.joint_trajectory import JointTrajectory
+from fullam.simulation.motion_files import with_files_read
+from fullam.simulation.motion_rows import ArmRows, ReferenceRows
+from fullam.simulation.reference_table import Reference, ReferenceTable, name_of
+from fullam.simulation.references import Step
 from fullam.simulation.shaping import SHAPED, Shaping
+from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 
 Array = NDArray[np.float64]
+
+HOVER: Reference = Step((0.0, 0.0, 1.0))
+"""Where the platform should be if nothing is said about it."""
 
 LONGEST = 1e4
 """Longest flight [s]: at 1 kHz its tables take about a gigabyte."""
@@ -41,28 +52,32 @@ class Scenario:
         initial_position: Position of {A} at the start [m].
         initial_euler_deg: x-y-z Euler angles at the start [deg].
         initial_arm_deg: Joint positions at the start: degrees of a revolute joint, METRES of a
-            prismatic one; empty means at rest, 0 or the limit nearest to it.
-        reference: Where the platform should be.
-        arm_motion: How the arm moves.
+            prismatic one; empty means where a `JointTrajectory` begins, and else at rest, 0 or
+            the limit nearest to it.
+        reference: Where the platform should be: any `reference_table.Reference`.
+        arm_motion: How the arm moves: any `arm_motion.ArmMotion`.
         duration: Length of the flight [s].
         axes: The controlled axes, out of `AXES`: of the world for the law, of {A} for the
             allocation. A platform that cannot control them all is meant to stay near level.
         weather: What spoils the flight unless the caller says otherwise.
         shaping: How the reference is blended and anticipated before the law sees it.
+        tool: What the tool should do. Where `reference` is left out, the motions of platform and
+            arm follow from it; else the tool is only measured against it.
     """
 
     name: str
-    reference: Reference = field(default_factory=lambda: Step((0.0, 0.0, 1.0)))
+    reference: Reference = HOVER
     description: str = ""
     vehicle: str = "fullam"
     initial_position: tuple[float, float, float] = (0.0, 0.0, 1.0)
     initial_euler_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     initial_arm_deg: tuple[float, ...] = ()
-    arm_motion: ArmMotion = field(default_factory=HoldArm)
+    arm_motion: ArmMotion | JointTrajectory = field(default_factory=HoldArm)
     duration: float = 6.0
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
+    tool: ToolTask | None = None
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -82,10 +97,12 @@ class Scenario:
             object.__setattr__(self, name, check.vector(name, getattr(self, name), size, numbers))
         duration = check.number("duration", self.duration, positive(LONGEST, "s"))
         object.__setattr__(self, "duration", duration)
+        self._follow_tool(check)
         for name in ("reference", "arm_motion"):  # a user may bring a class of another kind
             value = getattr(self, name)
             if isinstance(value, type) or not callable(getattr(value, "tabulate", None)):
-                raise check.refuse(name, f"is {shown(value)}", "give an object that can tabulate")
+                remedy = "give an object with the method tabulate, as a Step or a HoldArm is"
+                raise check.refuse(name, f"is {shown(value)}", remedy)
         check.instance("weather", self.weather, Weather)
         check.instance("shaping", self.shaping, Shaping)
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
@@ -94,6 +111,21 @@ class Scenario:
         if not axes or set(axes) - set(AXES):
             raise check.refuse("axes", f"is {shown(tuple(axes))}", f"choose from {', '.join(AXES)}")
         object.__setattr__(self, "axes", tuple(a for a in AXES if a in axes))
+
+    def _follow_tool(self, check: Checker) -> None:
+        """Have both motions follow from the tool's, unless the reference is given."""
+        if self.tool is not None:
+            check.instance("tool", self.tool, ToolTask)
+            if self.reference is HOVER:
+                if not isinstance(self.arm_motion, HoldArm | FollowsTool):
+                    problem = "is given, and follows from the tool's path"
+                    raise check.refuse("arm_motion", problem, "leave it out, or give a reference")
+                for name in ("reference", "arm_motion"):
+                    object.__setattr__(self, name, FollowsTool())
+        followers = [isinstance(m, FollowsTool) for m in (self.reference, self.arm_motion)]
+        if any(followers) and not (all(followers) and self.tool is not None):
+            problem = "follows a tool that has no task, or alone"
+            raise check.refuse("reference", problem, "give tool, and leave both motions out")
 
     @property
     def axes_mask(self) -> tuple[bool, ...]:
@@ -122,6 +154,8 @@ class Scenario:
                 f"the arm of '{vehicle.name}' has {vehicle.n_arm} joints [{joints.unit_list}]",
             )
         positions = joints.from_typed(typed) if typed else joints.rest
+        if not typed and isinstance(self.arm_motion, JointTrajectory):
+            positions = self.arm_motion.start(joints)
         problem = joints.position_problem(positions)
         if problem is not None:
             raise ScenarioError(
@@ -132,20 +166,53 @@ class Scenario:
             )
         return positions
 
+    def with_rows(self, asked: ReferenceTable, arm: ArmTable, half_step: float) -> Scenario:
+        """The same with motions of one's own replaced by their rows, which a record can keep.
+
+        Args:
+            asked: The reference on the control grid.
+            arm: The arm's motion on the plant's half steps.
+            half_step: Time between those [s].
+
+        Raises:
+            ScenarioError: The flight is too long for a record to keep them.
+        """
+        rows: dict[str, Any] = {}
+        if not references.is_kind(self.reference, references.KINDS):
+            rows["reference"] = ReferenceRows.of(asked, name_of(self.reference))
+        if not references.is_kind(self.arm_motion, arm_motion.KINDS):
+            rows["arm_motion"] = ArmRows.of(arm, half_step, name_of(self.arm_motion))
+        return replace(self, **rows) if rows else self
+
     def to_dict(self) -> dict[str, Any]:
-        """JSON values; `from_dict` is the inverse."""
+        """JSON values; `from_dict` is the inverse.
+
+        Raises:
+            ScenarioError: A motion is an object of one's own; in a plan's scenario it is rows.
+        """
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        data["reference"] = references.to_dict(self.reference)
-        data["arm_motion"] = references.to_dict(self.arm_motion)
+        for name, kinds in (("reference", references.KINDS), ("arm_motion", arm_motion.KINDS)):
+            if not references.is_kind(data[name], kinds):
+                raise ScenarioError(
+                    f"scenario '{self.name}'",
+                    name,
+                    f"'{name_of(data[name])}' is no kind that a file can name",
+                    "take the scenario of a plan, prepare(...).scenario, which holds its rows",
+                )
+            data[name] = references.to_dict(data[name])
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
+        if self.tool is None:
+            del data["tool"]
+        else:
+            data["tool"] = self.tool.to_dict()
         return data
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
         """Build a scenario from plain data.
 
-        `weather` may be a name ("calm", "recorded", "paper") or a table of its fields.
+        `weather` may be a name ("calm", "recorded", "paper", "sold") or a table of its fields.
 
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.
@@ -160,20 +227,20 @@ class Scenario:
     @staticmethod
     def _values(values: dict[str, Any]) -> dict[str, Any]:
         """The fields with their tables turned into objects."""
-        if "reference" in values:
-            values["reference"] = references.from_dict(
-                references.KINDS, "reference", values["reference"]
-            )
-        if "arm_motion" in values:
-            values["arm_motion"] = references.from_dict(
-                arm_motion.KINDS, "arm motion", values["arm_motion"]
-            )
+        for name, what, kinds in (
+            ("reference", "reference", references.KINDS),
+            ("arm_motion", "arm motion", arm_motion.KINDS),
+        ):
+            if name in values and not callable(getattr(values[name], "tabulate", None)):
+                values[name] = references.from_dict(kinds, what, values[name])
         if isinstance(values.get("weather"), str):
             values["weather"] = named_weather(values["weather"])
         elif "weather" in values:
             values["weather"] = Weather.from_dict(values["weather"])
         if "shaping" in values:
             values["shaping"] = Shaping.from_dict(values["shaping"])
+        if values.get("tool") is not None:
+            values["tool"] = ToolTask.from_dict(values["tool"])
         return values
 
 
@@ -188,12 +255,16 @@ def register_scenario(scenario: Scenario) -> Scenario:
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the registered scenarios, in the order of registration."""
+    """Names of the registered scenarios, in the order of registration; those of plugins too."""
+    discover()
     return tuple(_REGISTRY)
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """The registered scenario of that name, or one read from a TOML file.
+
+    Its motions may be those of CSV files, {kind = "csv", path = ...}, with paths that begin at the
+    TOML's folder.
 
     Raises:
         UnknownName: Neither a registered name nor an existing file.
@@ -211,7 +282,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         return _REGISTRY[str(name_or_path)]
     data = read_toml(path, Checker(str(path), ScenarioError))
     try:
-        return Scenario.from_dict(data)
+        return Scenario.from_dict(with_files_read(data, path.parent))
     except InvalidInput as error:
         raise ScenarioError(
             f"{path}: {error.where}", error.field, error.problem, error.remedy

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fullam.analysis.campaign import TRACE_PERIOD
 from fullam.analysis.response import coordinates
+from fullam.simulation.references import Step
 from fullam.simulation.scenario import load_scenario
 from fullam.viz import style
 
@@ -155,7 +156,9 @@ def figure_paired(
 
 def _errors(table: CampaignTable, scenario: str, contender: str) -> Array:
     """Kept motions minus the target, shape (flights, samples, 6) [mm, deg]."""
-    target = coordinates(load_scenario(scenario).reference.final_pose[None, :])[0]  # type: ignore[index]
+    reference = load_scenario(scenario).reference
+    assert isinstance(reference, Step), "a position test"
+    target = coordinates(reference.final_pose[None, :])[0]
     error = table.traces(scenario, contender) - target
     error[:, :, 3:] = (error[:, :, 3:] + 180.0) % 360.0 - 180.0
     return error

@@ -24,13 +24,17 @@ from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.model.perturbation import Uncertainty, perturb
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.references import Circle, Step, Waypoints
+from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
+from fullam.simulation.motion_rows import ReferenceRows
+from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario, register_scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.shaping import Shaping
 from fullam.simulation.simulate import simulate
+from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool_weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 
 WRONG: tuple[Any, ...] = (
@@ -52,6 +56,45 @@ WRONG: tuple[Any, ...] = (
 def settings_of(law: str) -> Callable[..., Any]:
     """Makes the settings of a law, each given by name."""
     return lambda **changes: make_settings(law, changes)
+
+
+def smooth_motions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
+    """Smooth motions of platform and arm, whatever they are made from."""
+    times, points, angles = (0.0, 1.0), ((0, 0, 1), (1, 0, 1)), ((0, 0, 0), (0, 0, 9))
+    quaternions, velocities = ((0.0, 0.0, 0.0, 1.0),) * 2, ((1, 0, 0),) * 2
+    choices = {"degree": 3, "ends": "free", "at": 0.5}
+    through = {"waypoints": points, "times": times, "euler_deg": angles, "at": 0.5}
+    joints = {"waypoints_deg": angles, "times": times, "joints": ("a", "b", "c"), "at": 0.5}
+    rows = {"times": times, "positions": points, "quaternions": quaternions}
+    arm = {"times": times, "positions_deg": points, "joints": ("a", "b", "c")}
+    return [
+        (Trajectory, {**rows, "velocities": velocities, **choices}),
+        (Trajectory.from_arrays, {"t": times, "position": points, "euler_deg": angles, **choices}),
+        (Trajectory.from_csv, {"path": Path(__file__).with_name("tour.csv"), **choices}),
+        (Trajectory.minimum_snap, through),
+        (Trajectory.b_spline, {**through, "degree": 5}),
+        (JointTrajectory, {**arm, "units": ("deg", "m", "deg"), **choices}),
+        (JointTrajectory.from_arrays, {"t": times, "positions_deg": points, **choices}),
+        (JointTrajectory.minimum_snap, joints),
+        (JointTrajectory.b_spline, {**joints, "degree": 5}),
+        (ReferenceRows, {"period": 0.01, "packed": "abcd", "made_by": "x"}),
+    ]
+
+
+def tool_tasks() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
+    """What a tool may be told."""
+    normal, weights = (1.0, 0.0, 0.0), ToolWeights().to_dict()
+    task = {"attitude": "fixed", "euler_deg": (0, 0, 9), "priority": "strict", "at": 0.5}
+    data = ToolTask(CirclePath(0.1)).to_dict()
+    return [
+        (LinePath, {"to": normal, "duration": 4.0}),
+        (CirclePath, {"radius": 0.1, "normal": normal, "duration": 4.0, "rounds": 2.0}),
+        (SquarePath, {"side": 0.1, "normal": normal, "duration": 4.0}),
+        (ToolWeights, weights),
+        (ToolTask, {"path": CirclePath(0.1), **task, "weights": ToolWeights()}),
+        (ToolTask, {"path": CirclePath(0.1), "max_speed": 1.0, "max_turn_deg": 9.0}),
+        (ToolTask.from_dict, {"data": data}),
+    ]
 
 
 def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
@@ -92,10 +135,12 @@ def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (Waypoints, {"times": (0.0,), "positions": ((0, 0, 1),), "euler_deg": ((0, 0, 0),)}),
         (Circle, {"center": (0, 0, 1), "radius": 1.0, "period": 6.0, "euler_deg": (0, 0, 0)}),
         (SineRate, {"joint": 3, "rate": 0.5, "frequency": 1.0}),
+        *smooth_motions(),
         (Scenario, {f: getattr(scenario, f) for f in Scenario.__dataclass_fields__}),
         (Scenario.from_dict, {"data": scenario.to_dict()}),
         (load_scenario, {"name_or_path": "task-1"}),
         (register_scenario, {"scenario": scenario}),
+        *tool_tasks(),
         (Weather, {f: getattr(paper, f) for f in Weather.__dataclass_fields__}),
         (Weather.from_dict, {"data": paper.to_dict()}),
         (weather, {"name": "paper"}),

@@ -27,20 +27,23 @@ WORDS = (
     *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
 )
 OPTIONS = {
-    "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
-            "--estimator --plant --plant-set --governor --failed --shape --figure --driver "
+    "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate "
+            "--out --estimator --plant --plant-set --governor --failed --shape --figure --driver "
             "--calm --json"),
-    "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --shape "
-                "--failed --figure --driver --calm --json"),
-    "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
+    "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor "
+                "--shape --failed --figure --driver --calm --json"),
+    "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather --failed"),
-    "list": "--json",
+    "list": "--json --plugin",
     "equations": "--json",
     "plot": "--what --out",
-    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --failed --calm",
-    "sweep": ("--controllers --runs --tuned --estimator --plant --plant-set --weather --no-gusts "
+    "view": ("--controller --settings --seed --offset --speed --port --wait --at --vehicle "
+             "--failed --calm"),
+    "sweep": ("--controllers --settings --runs --tuned --estimator --plant --plant-set --weather "
+              "--no-gusts "
               "--overwrite --jobs --tls-ca --driver --json"),
-    "tune": "--budget --seed --jobs --driver",
+    "tune": ("--budget --seed --seeds --scenario --vehicle --weather --settings --control-rate "
+             "--shape --jobs --driver --calm --json"),
     "datasheet": "--out --flights --seed --json",
     "design": ("--rotors --objective --free --period --reserve --min-efficiency --min-tilt --arm "
                "--seed --out --pareto --json"),

@@ -7,6 +7,7 @@ import fullam
 from fullam.exceptions import ScenarioError
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import HoldArm, SineRate
+from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.run import Run
 
 
@@ -73,6 +74,45 @@ def test_a_continuous_joint_may_turn_over_and_over():
 )
 def test_beyond_the_limits_is_refused_before_take_off(sliding, motion, arm, words):
     with pytest.raises(ScenarioError, match=words):
+        fullam.simulate(scenario(motion, arm), vehicle=sliding, calm=True)
+
+
+ROWS = ((-90.0, 0.0, -45.0, 0.05), (-60.0, 10.0, -45.0, 0.10))
+
+
+def moved(last, **choices):
+    return JointTrajectory((0.0, 0.5), (ROWS[0], last), ends="rest", degree=5, **choices)
+
+
+@pytest.mark.parametrize("driver", ["python", "fused"])
+def test_several_joints_move_in_degrees_and_metres(sliding, driver, tmp_path):
+    flown = fullam.Scenario("reach", arm_motion=moved(ROWS[1]), duration=0.6)
+    run = fullam.simulate(flown, vehicle=sliding, calm=True, driver=driver)
+    np.testing.assert_allclose(sliding.joints.to_typed(run.arm[[0, -1]]), ROWS, atol=1e-9)
+    run.save(tmp_path / "run.npz")
+    again = Run.load(tmp_path / "run.npz")
+    assert again.scenario.arm_motion == flown.arm_motion
+    np.testing.assert_array_equal(fullam.refly(again).pose, run.pose)
+
+
+@pytest.mark.parametrize(
+    ("motion", "arm", "words"),
+    [
+        (
+            moved((-60.0, 10.0, -45.0, 0.2)),
+            (),
+            r"'joint_4' to 0.2 m; it goes from -0.15 to 0.15 m \(first at t = 0\.29\d* s\)",
+        ),
+        (moved((-60, 170.0, -45, 0.0)), (), r"'joint_2' to 170 deg; it goes .* \(first at t = 0"),
+        (moved((50, 10.0, -45, 0.0)), (), r"'joint_1' at 525 deg/s; it can .* \(first at t = 0"),
+        (moved(ROWS[1]), (0, 0, 0, 0), r"'joint_1' at t = 0 s: is to be at -90 deg.*starts at 0"),
+        (moved(ROWS[1], units=("deg",) * 4), (), r"'joint_4': is given in deg.*measured in m"),
+        (moved(ROWS[1], joints=("a", "b", "c", "d")), (), r"no 'a'; it has joint_1, .*, joint_4"),
+        (JointTrajectory((0, 1), ((1, 2), (3, 4))), (), "has 2 columns; the arm has 4 joints"),
+    ],
+)
+def test_a_motion_of_joints_that_cannot_be_is_refused(sliding, motion, arm, words):
+    with pytest.raises(ScenarioError, match=f"arm motion.*{words}"):
         fullam.simulate(scenario(motion, arm), vehicle=sliding, calm=True)
 
 
