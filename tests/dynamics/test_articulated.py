@@ -9,6 +9,7 @@ from fullam.dynamics import articulated as art
 from fullam.dynamics import recursion as rec
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.multibody import ROOT
+from fullam.dynamics.servo import ServoNumbers
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial
 from fullam.model.chain import LinkChain
@@ -59,8 +60,8 @@ class Instant:
         w = tuple(self.v[3:6].tolist())
         art.sweep_out(self.links, w, self.arm)
         art.push_last(self.arm, record(Spatial, self.push))
-        armature = self.armature.tolist()
-        a = art.swept_acceleration(armature, self.g, record(Spatial, self.wrench), self.arm)
+        rotors = [ServoNumbers(*[0.0] * 3, a, *[0.0] * 4) for a in self.armature.tolist()]
+        a = art.swept_acceleration(rotors, self.g, record(Spatial, self.wrench), self.arm)
         a = np.array([*flat(a), *self.arm.accelerations])
         a[:3] -= np.cross(self.v[3:6], self.v[:3])
         return a
