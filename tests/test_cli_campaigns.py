@@ -158,3 +158,9 @@ def test_settings_of_a_file_fly_in_the_report_and_in_its_commands(tmp_path):
     stranger.write_text('controller = "pid"\n[settings]\n', encoding="utf-8")
     with pytest.raises(CampaignError, match="does not fly here"):
         reproduce.entries([load_settings(stranger)])
+
+
+def test_a_sweep_flies_another_plant(tmp_path):
+    out = tmp_path / "rows.parquet"
+    assert main([*SWEEP, "--plant", "servo", "--out", str(out)]) == 0
+    assert read_campaign(out).identity["simulation"]["plant"] == "servo"

@@ -82,6 +82,7 @@ def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
     ),
     argument("--tuned", action="store_true", help="the committed tuned gains, not the defaults"),
     argument("--estimator", metavar="NAME", help="state estimator (default: each law's own)"),
+    *options.PLANT,
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
     argument("--no-gusts", action="store_true", help="the weather without its gusts"),
     argument("--traces", action="store_true", help="keep every motion, at 25 Hz"),
@@ -105,12 +106,15 @@ def sweep(arguments: argparse.Namespace) -> int:
     from fullam.simulation.settings import SimulationSettings
 
     scenarios = [load_scenario(name) for name in arguments.scenarios]
+    chosen = options.plant_choices(arguments)
+    if arguments.estimator:
+        chosen["estimator"] = arguments.estimator
     campaign = Campaign(
         tuple(scenarios),
         options.contenders(arguments, arguments.tuned),
         tuple(range(arguments.runs)),
         _weather(arguments, scenarios),
-        SimulationSettings(**({"estimator": arguments.estimator} if arguments.estimator else {})),
+        SimulationSettings(**chosen),
         arguments.driver,
         arguments.traces,
     )

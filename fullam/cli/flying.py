@@ -49,6 +49,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
         files["figure"] = str(save_figure(overview(run), arguments.figure))
     if arguments.json:
         found = {"files": files, "findings": [f.to_dict() for f in findings_of(run, metrics)]}
+        found |= contact_data(run)
         say_json(identity(run) | metrics.to_dict() | found)
     else:
         say(f"{heading(run)}, {run.controller}\n\n{as_text(metrics)}")
@@ -125,8 +126,23 @@ def findings_of(run: Run, metrics: Metrics) -> list[Finding]:
     return diagnose(run) if len(run) and not (run.well and metrics.settled) else []
 
 
+def contact_data(run: Run) -> dict[str, Any]:
+    """What the tool touched, for machines; nothing if it touched nothing."""
+    from fullam.analysis.touching import contact_of
+
+    found = contact_of(run)
+    return {} if found is None else {"contact": found.to_dict()}
+
+
 def explain(run: Run, metrics: Metrics) -> None:
-    """Say how a flight that was not well went, and what was in its way."""
+    """Say what the tool touched; how a flight that was not well went, and what was in its way."""
+    from fullam.analysis.touching import contact_of, contact_warning
+
+    contact, warning = contact_of(run), contact_warning(run)
+    if warning is not None:
+        complain(warning)
+    elif contact is not None:
+        say(f"\ncontact: {contact}")
     if not run.well:
         say(f"\n{run.outcome.upper()}, {run.controller}: {run.metadata['reason']}")
     elif not metrics.settled:

@@ -137,6 +137,25 @@ SCENARIO = argument("scenario", metavar="SCENARIO", help="name (see `fullam list
 
 FIGURE = argument("--figure", type=figure_path, metavar="FILE", help="draw it (.png, .pdf or .svg)")
 
+PLANT = (
+    argument(
+        "--plant",
+        metavar="NAME",
+        help="the physics: prescribed, joints follow their motion exactly (default); or servo, "
+        "joints are free and moved by their servos",
+    ),
+    argument(
+        "--plant-set",
+        type=setting,
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a setting of the plant; of servo: feedback=twin|encoder|command|truth, "
+        "feed_forward=gravity|motion|off; may be repeated",
+    ),
+)
+"""Which physics flies."""
+
 FLIGHT = (
     argument("--seed", type=seed, default=0, metavar="N", help="seed of the weather (default: 0)"),
     argument("--calm", action="store_true", help="no noise, no gusts, exact parameters"),
@@ -146,6 +165,7 @@ FLIGHT = (
     argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: the controller's own)"),
+    *PLANT,
     argument(
         "--governor", metavar="on|off", help="take the target's tilt back while force is short"
     ),
@@ -262,11 +282,19 @@ def contenders(arguments: argparse.Namespace, tuned: bool = False) -> tuple[Cont
     return with_files(named, files, arguments.estimator)
 
 
+def plant_choices(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the arguments of `PLANT` change of the simulation's settings."""
+    changes: dict[str, Any] = {"plant": arguments.plant} if arguments.plant else {}
+    if arguments.plant_set:
+        changes["plant_settings"] = dict(arguments.plant_set)
+    return changes
+
+
 def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
-    """The simulation's settings with the given rates, estimator and governor."""
+    """The simulation's settings with the given rates, estimator, plant and governor."""
     from fullam.simulation.settings import SimulationSettings
 
-    changes: dict[str, Any] = {}
+    changes: dict[str, Any] = plant_choices(arguments)
     if arguments.control_rate:
         changes["control_period"] = 1.0 / arguments.control_rate
     if arguments.plant_rate:

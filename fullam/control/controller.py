@@ -97,6 +97,7 @@ class Controller(ABC):
         name: The name it is known under.
         Settings: Frozen dataclass of its settings; see the module's text.
         estimator: Name of the estimator that it is made for: flown unless another one is asked for.
+        touches: Whether it knows that its vehicle may touch things.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
         attitude: R_WA of the measurement of the last tick, shape (3, 3), for whoever turns the
@@ -107,6 +108,7 @@ class Controller(ABC):
     name: ClassVar[str]
     Settings: ClassVar[type] = NoSettings
     estimator: ClassVar[str] = "first-order"
+    touches: ClassVar[bool] = False
     attitude: Array | None = None
 
     def __init__(

@@ -13,6 +13,7 @@ from fullam.control.controller import ALL_AXES, Controller
 from fullam.control.dc_pid import DcPid
 from fullam.control.dc_pid_plus import DcPidPlus
 from fullam.control.estimators import estimator_class
+from fullam.control.hybrid_force import HybridForce
 from fullam.control.pid import Pid
 from fullam.control.settings_file import SettingsFile, read_settings
 from fullam.exceptions import SettingsError
@@ -21,7 +22,14 @@ from fullam.plain_values import from_plain, to_plain
 from fullam.plugins import discover
 from fullam.registry import Registry, check_class, made
 
-LAWS: tuple[type[Controller], ...] = (Pid, DcPid, DcPidPlus, Backstepping, ComputedWrench)
+LAWS: tuple[type[Controller], ...] = (
+    Pid,
+    DcPid,
+    DcPidPlus,
+    HybridForce,
+    Backstepping,
+    ComputedWrench,
+)
 """Those that come with fullam."""
 
 CONTROLLERS: Registry[type[Controller]] = Registry("controller", {law.name: law for law in LAWS})

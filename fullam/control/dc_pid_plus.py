@@ -176,22 +176,39 @@ def paced(numbers, factors):
     return DcPidNumbers(gains, numbers.limits, numbers.gravity, numbers.rounds)
 
 
+class Perception(NamedTuple):
+    """What a period's estimate tells: caution, its factors, the observer; and what to cancel."""
+
+    caution: CautionMemory
+    factors: Halves
+    observer: ObserverMemory
+    cancelled: Spatial
+
+
 @kernel
-def perceived(numbers, chain, estimate, R, beside):
-    """Caution, its factors, and the observer after this period's estimate.
+def perceived(numbers, chain, estimate, beside):
+    """Caution and the observer after this period's estimate; all that is observed is cancelled.
 
     In the first period they began with this very estimate: it tells them nothing.
     """
+    R = rotation_matrix(estimate.pose.attitude)
     body_velocity = rotate_spatial_back(R, estimate.velocity)
     caution = felt(numbers.caution, beside.caution, body_velocity)
     factors = caution_factors(numbers.caution, caution.roughness)
     observer = observed(numbers.observer, factors, chain, estimate, beside.observer)
-    return caution, factors, observer
+    return Perception(caution, factors, observer, observer.wrench)
 
 
 @kernel
 def dc_pid_plus(law, delivered, numbers, chain, estimate, target, memory):
-    """dc-PID less the observed wrench, and a lead; see the module's text.
+    """dc-PID less the observed wrench; arguments and answer as in `answered`."""
+    perception = perceived(numbers, chain, estimate, memory.beside)
+    return answered(law, delivered, numbers, chain, estimate, target, memory, perception)
+
+
+@kernel
+def answered(law, delivered, numbers, chain, estimate, target, memory, perception):
+    """dc-PID less what is to be cancelled, and a lead; see the module's text.
 
     Args:
         law: The kernel `command` of dc-PID, a function.
@@ -201,15 +218,16 @@ def dc_pid_plus(law, delivered, numbers, chain, estimate, target, memory):
         estimate: What is told of the platform.
         target: Where it should be.
         memory: `PlusMemory` or `PlusPreviousMemory`.
+        perception: What this period's estimate tells.
 
     Returns:
         The command, and the two parts of the memory.
     """
     R = rotation_matrix(estimate.pose.attitude)
-    caution, factors, observer = perceived(numbers, chain, estimate, R, memory.beside)
+    caution, factors, observer, cancelled = perception
     of_dc_pid = paced(numbers.nominal, factors)
     command, nominal = law(of_dc_pid, chain, estimate, target, memory.nominal)
-    d = multiply_spatial(numbers.controlled, observer.wrench)
+    d = multiply_spatial(numbers.controlled, cancelled)
     u = subtract_spatial(command.wrench, d)
 
     turn = scale(numbers.turn_ahead, target.velocity.angular)

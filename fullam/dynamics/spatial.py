@@ -10,6 +10,7 @@ from fullam.numbers.vectors import (
     Vector,
     add,
     axpy,
+    cross,
     multiply,
     rotate,
     rotate_back,
@@ -72,6 +73,14 @@ def rotate_spatial(R, x):
 def rotate_spatial_back(R, x):
     """Both halves turned back, R^T x: from world axes to {A}."""
     return Spatial(rotate_back(R, x.linear), rotate_back(R, x.angular))
+
+
+@kernel
+def bracket(u, w):
+    """Lie bracket [u, w] in se(3): the rate of a motion w that is fixed to what moves at u."""
+    return Spatial(
+        add(cross(u.angular, w.linear), cross(u.linear, w.angular)), cross(u.angular, w.angular)
+    )
 
 
 @kernel

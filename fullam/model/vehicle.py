@@ -19,6 +19,7 @@ from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.articulation import articulate, build_model
 from fullam.model.bodies import replace_bodies
+from fullam.model.definition_keys import GRAVITY, VEHICLE, names_of
 from fullam.model.joints import ArmJoints
 from fullam.model.physics import (
     check_bodies,
@@ -29,12 +30,10 @@ from fullam.model.physics import (
     parse_urdf,
 )
 from fullam.model.rotors import COLUMNS, Rotors
+from fullam.model.servos import Servos
 from fullam.model.wrench_axes import rank_on, require_rank
 
 Array = NDArray[np.float64]
-
-GRAVITY = 9.81
-"""Gravity when the definition states none [m/s^2]."""
 
 MOST_GRAVITY = 300.0
 """Gravity at the sun's surface is 274 m/s^2."""
@@ -94,7 +93,7 @@ class Vehicle:
                 source or "vehicle", "definition", f"is {shown(definition)}", "give a mapping"
             )
         where = source or f"vehicle {shown(definition.get('name', '?'))}"
-        read.check_keys(definition, read.TOP_KEYS, where, "")
+        read.check_keys(definition, names_of(VEHICLE), where, "")
         name = read.text(definition, "name", where)
         platform = read.text(definition, "platform", where)
         tool = read.text(definition, "tool", where)
@@ -128,6 +127,7 @@ class Vehicle:
         if "mass" in definition:
             declared = read.number(definition["mass"], where, "mass")
             check_total_mass(declared, pin.computeTotalMass(model), where)
+        Servos.of(definition.get("servo", {}), ArmJoints.from_model(model), where)
         return cls(
             name=name,
             description=read.text(definition, "description", where, ""),
@@ -206,6 +206,11 @@ class Vehicle:
     def joints(self) -> ArmJoints:
         """Kind, units and limits of the arm's joints."""
         return ArmJoints.from_model(self.model)
+
+    @property
+    def servos(self) -> Servos:
+        """The arm's servos, as the definition's `[servo]` states them; AX-12As by default."""
+        return Servos.of(self.definition.get("servo", {}), self.joints, f"vehicle '{self.name}'")
 
     @property
     def gravity(self) -> float:

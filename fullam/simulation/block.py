@@ -40,7 +40,9 @@ from fullam.numbers.records import Rows, columns, rows_of
 from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.flown import Flown, TrackView, write_track
-from fullam.simulation.plant import PlantView, State, plant_stage
+from fullam.simulation.plant import State
+from fullam.simulation.plant_kind import Surroundings
+from fullam.simulation.plants import make_plant
 from fullam.simulation.stages import (
     ORDER,
     Entry,
@@ -74,6 +76,7 @@ class Block:
         speeds: Rotor speeds, n_r rows.
         entries: The record, a row a control period, if it is kept.
         rotors: Its rotors' part, (periods, n_r).
+        plant: What moves the vehicle, and tells of its arm.
         track: The track, a row a control period, if that is kept.
     """
 
@@ -103,6 +106,18 @@ class Block:
         kept = periods if keep == "record" else 0
         self.entries, self.rotors = self._empty(Entry, kept), self._empty(RotorEntry, kept, n)
         self.track = self._empty(Flown, periods - kept)
+        self.plant = make_plant(
+            Surroundings(
+                tables,
+                lanes,
+                kept,
+                self.state,
+                self.estimate,
+                self.drawn,
+                self.speeds,
+                self.commands,
+            )
+        )
         self.law_memory: Any = None
         self.estimator_memory: Any = None
         self._law_numbers = self._estimator_numbers = None
@@ -129,6 +144,7 @@ class Block:
             rows.array[:] = 0.0
         for rows in (self.commands, self.speeds):
             rows.array[:, 0].T[:] = self.tables.hover
+        self.plant.begin()
 
     def draw(self, seeds: Sequence[int]) -> None:
         """Draw the weather and the true vehicles of seeds, one a lane."""
@@ -149,20 +165,17 @@ class Block:
             SettingsError: Law or estimator are no kernels.
         """
         law, estimator = kernel_law(self.law), kernel_estimator(self.estimator)
-        joints = self.tables.placed[0]
+        joints = self.plant.seen.joints
         estimate = Stage(estimate_stage(estimator.kernel), self.estimate_view())
         own = {
             "estimate": estimate,
             "command": Stage(command_stage(law.kernels), self.command_view(joints)),
             "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
-            "move": Stage(
-                plant_stage(self.tables.plan.simulation.integrator), self.plant_view(joints)
-            ),
         }
-        return in_order(self.common_stages() | own)
+        return in_order(self.common_stages() | own | self.plant.stages())
 
     def common_stages(self) -> dict[str, Stage]:
-        """Those that neither law, estimator nor dynamics have a say in."""
+        """Those that neither law, estimator nor plant have a say in."""
         t = self.tables
         sensing = sense_all if self.estimator.needs_inertial else sense
         stages = {
@@ -198,12 +211,11 @@ class Block:
 
     def command_view(self, joints: Rows) -> CommandView:
         """What the law's first stage is shown; `joints` as the law wants to see them."""
-        t = self.tables
         return CommandView(
             self._law_numbers,
-            t.links,
+            self.plant.seen.links,
             joints,
-            t.joint_rows,
+            self.plant.seen.rows,
             self.target,
             self.estimate,
             self.law_memory,
@@ -219,8 +231,8 @@ class Block:
             self.estimate,
             t.ahead,
             self.command,
-            t.placed[1],
-            t.joint_rows,
+            self.plant.seen.centers,
+            self.plant.seen.rows,
             self.status,
             self.delivery,
             self.residual,
@@ -228,12 +240,11 @@ class Block:
 
     def inform_view(self, joints: Rows) -> InformView:
         """What the law's second stage is shown."""
-        t = self.tables
         return InformView(
             self._law_numbers,
-            t.links,
+            self.plant.seen.links,
             joints,
-            t.joint_rows,
+            self.plant.seen.rows,
             self.estimate,
             self.law_memory,
             self.delivery,
@@ -260,19 +271,6 @@ class Block:
         coefficients = self.tables.thrust_coefficients
         return TrackView(self.state, self.delivery, self.speeds, coefficients, self.track)
 
-    def plant_view(self, arm: Rows) -> PlantView:
-        """What the plant is shown; `arm` as its derivative wants to see it."""
-        return PlantView(
-            self.state,
-            self.drawn.links,
-            arm,
-            self.drawn.rotors,
-            self.tables.stepping,
-            self.drawn.gust,
-            self.speeds,
-            self.commands,
-        )
-
     # After a flight.
 
     def columns(self, rows: int, lane: int = 0, copy: bool = True) -> dict[str, Array]:
@@ -290,7 +288,7 @@ class Block:
         log["saturated"] = log["saturated"][:, 0] > 0.0
         log["given_up"] = log["given_up"][:, 0]
         log |= {"rotor_commands": rotors[..., 0], "rotor_speeds": rotors[..., 1]}
-        return log | {"disturbance": gusts}
+        return log | {"disturbance": gusts} | self.plant.columns(rows, lane, copy)
 
     def ending(self, lane: int = 0) -> tuple[int, str]:
         """How many rows a flight has, and "completed", "diverged" or "not finite"."""

@@ -235,7 +235,8 @@ class CrewChange:
     def remembered(self) -> list[Any]:
         """The lists that hold what the stages remember from one period to the next."""
         b, look = self._flight.block, self._flight.lists.of
-        rows = (b.state, b.status, b.poses, b.readings, b.estimate, b.command, b.delivery)
+        rows = [b.state, b.status, b.poses, b.readings, b.estimate, b.command, b.delivery]
+        rows += b.plant.remembered()
         return [*map(look, (*rows, b.residual, b.target, b.governor, b.speeds)), self.aboard.memory]
 
     def check(self, done: Intervention, crew: Crew) -> None:

@@ -17,7 +17,7 @@ from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.flown_plugins import plugins_of
 from fullam.simulation.oscillation import flight_swing
-from fullam.simulation.run import COLUMNS, FORMAT, Run
+from fullam.simulation.run import FORMAT, Run, columns_of
 from fullam.version import __version__, version_of
 
 Array = NDArray[np.float64]
@@ -46,12 +46,13 @@ def finish(
     more = changed.pop("metadata", {})
     rows = len(log["pose"])
     arm_rows = plan.arm_row(1) * np.arange(rows)
-    out = log | {
+    out = {
         "t": plan.t[:rows].copy(),
         "arm": plan.arm.theta[arm_rows],
         "arm_rate": plan.arm.dtheta[arm_rows],
         "reference_pose": plan.asked.pose[:rows].copy(),
     }
+    out |= log  # a plant whose joints are free wrote what they did
     out |= {name: column[:rows].copy() for name, column in changed.items()}
     if not all(plan.scenario.axes_mask):
         out |= _of_masked_axes(plan, out)
@@ -76,7 +77,7 @@ def finish(
         **trim_data(plan.trim),
         **more,
     }
-    return Run({name: out[name] for name in COLUMNS}, metadata)
+    return Run({name: out[name] for name in columns_of(plan.simulation.plant)}, metadata)
 
 
 def trim_data(trim: Trim | None) -> dict[str, Any]:

@@ -7,7 +7,7 @@ true vehicle moved by Pinocchio. All others are the kernels that machine code fl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from fullam.control.controller import Controller, Measurement
 from fullam.control.estimator import Estimator, KernelEstimator, flies_as_kernel
 from fullam.control.law_stage import LawStage
 from fullam.control.signals import NOT_FINITE, Estimate
-from fullam.dynamics.integrators import integrator
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial
 from fullam.exceptions import NonFiniteWrench
@@ -26,12 +25,11 @@ from fullam.numbers.records import flat, record
 from fullam.simulation.block import Block, in_order
 from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
-from fullam.simulation.plant import PinocchioRate, advance
+from fullam.simulation.plant_kind import PythonStage
 from fullam.simulation.run import Run
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
-PythonStage = tuple[Callable[[Any, int], None], Any]
 
 
 class Flight:
@@ -67,24 +65,18 @@ class Flight:
         self.ticks_flown = 0
 
     def _stages(self, block: Block) -> dict[str, PythonStage]:
-        look, t = self.lists.of, block.tables
+        look = self.lists.of
         law, estimator = LawStage(block.law), EstimateStage(block.estimator, self.plan)
-        rule = integrator(self.plan.simulation.integrator).step
-        rate = PinocchioRate(self.plan.true)
-
-        def move(view: Any, k: int) -> None:
-            advance(rule, rate, view, k)
-
+        motions = block.plant.seen.motions
         stages: dict[str, PythonStage] = {
             name: (stage.kernel, look(stage.view)) for name, stage in block.common_stages().items()
         }
         stages |= {
             "estimate": (estimator, look(block.estimate_view())),
-            "command": (law.command, look(block.command_view(t.motions))),
+            "command": (law.command, look(block.command_view(motions))),
             "inform": (law.inform, look(block.delivery)),
-            "move": (move, look(block.plant_view(t.motions))),
         }
-        return in_order(stages)
+        return in_order(stages | block.plant.python_stages(look))
 
     def ticks(self) -> Iterator[int]:
         """Fly; yields the number of each period once its row is written and it is flown."""

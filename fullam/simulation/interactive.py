@@ -108,17 +108,16 @@ class InteractiveFlight(Touch):
             "watch": {"targets": targets},
             "govern": {"targets": targets},
             "foresee": {"ahead": ahead},
-            "allocate": {"ahead": ahead, "centers": centers, "joint_rows": rows},
-            "command": {"joints": self._arm, "joint_rows": rows},
-            "move": {"arm": self._arm, "gusts": loads},
+            "allocate": {"ahead": ahead},
+            "move": {"gusts": loads},
         }
-        for name, changes in shown.items():
+        steered = self.flight.block.plant.steered_by(self._arm, centers, rows)
+        for name, changes in (*shown.items(), *steered.items()):
             if name in stages:
                 stage, view = stages[name]
                 stages[name] = stage, view._replace(**changes)
         stage, view = stages["move"]
-        stepping = [view.stepping[0]._replace(arm_stride=1.0)]
-        stages["move"] = self._change.moving(stage), view._replace(stepping=stepping)
+        stages["move"] = self._change.moving(stage), view
 
     # What the stages read in period k.
 
@@ -159,8 +158,12 @@ class InteractiveFlight(Touch):
     @property
     def arm(self) -> Array:
         """Positions, rates and accelerations of the joints now, shape (3, n)."""
-        row = self._arm_row(min(self.period, len(self.plan.t) - 1))
-        return np.array(self._arm[row]).reshape(-1, 3).T
+        return np.array(self._true_arm(min(self.period, len(self.plan.t) - 1))).reshape(-1, 3).T
+
+    def _true_arm(self, k: int) -> Any:
+        """The joints' motion in period k, which is now: what is commanded, or what servos made."""
+        true = self.flight.block.plant.arm
+        return self._arm[self._arm_row(k)] if true is None else self.flight.lists.of(true)
 
     @property
     def tool(self) -> Array:
@@ -205,8 +208,7 @@ class InteractiveFlight(Touch):
         """What hands make of the row of a period."""
         plan, hands = self.plan, self.hands
         self.hands = hands = replace(hands, force=still_pushing(hands.force, k))
-        motions = self._arm[self._arm_row(k)]
-        for i, motion in enumerate(motions):
+        for i, motion in enumerate(self._true_arm(k)):
             self._joints[0, k, i], self._joints[1, k, i] = motion.position, motion.rate
         self.felt = felt(hands.force, self._holds, self.flight.pose, self._joints[0, k])
         gust = self._change.aboard.draw.gust[k]

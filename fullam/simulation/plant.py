@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.dynamics.integrators import integrator
+from fullam.dynamics.integrators import half_steps, integrator
 from fullam.dynamics.multibody import Multibody
 from fullam.dynamics.recursion import Chain, base_acceleration, gravity_in
 from fullam.dynamics.so3 import rotation_matrix
@@ -49,20 +49,26 @@ class Stepping(NamedTuple):
     gravity: Number
 
 
+class Thrust(NamedTuple):
+    """Wrenches of the rotors at the start, the middle and the end of a step, {A} axes."""
+
+    start: Spatial
+    middle: Spatial
+    end: Spatial
+
+
 class System(NamedTuple):
     """What the derivative of the twist is evaluated on.
 
-    True links; rows of the arm, the row of the step's start, and rows in half a step; rotor
-    wrenches at the start, the middle and the end, {A} axes; gust, world axes; gravity.
+    True links; rows of the arm, the row of the step's start, and rows in half a step; wrenches of
+    the rotors; gust, world axes; gravity.
     """
 
     links: Any
     arm: Any
     row: Any
     stride: Any
-    start: Spatial
-    middle: Spatial
-    end: Spatial
+    thrust: Thrust
     gust: Spatial
     gravity: Number
 
@@ -99,21 +105,31 @@ def follow(rotors, speeds, commands):
 
 
 @kernel
-def wrench_at(system, stage):
-    """Wrench of the rotors at a stage of the step, {A} axes."""
-    if stage == 0:
-        return system.start
-    if stage == 1:
-        return system.middle
-    return system.end
+def spin(rotors, speeds, commands):
+    """The rotors' wrenches over a step, and their speeds at its end."""
+    start = Spatial(*rotor_wrench(rotors, speeds))
+    follow(rotors, speeds, commands)
+    middle = Spatial(*rotor_wrench(rotors, speeds))
+    follow(rotors, speeds, commands)
+    return Thrust(start, middle, Spatial(*rotor_wrench(rotors, speeds)))
+
+
+@kernel
+def wrench_at(thrust, half):
+    """Wrench of the rotors so many half steps behind the start of the step, {A} axes."""
+    if half == 0:
+        return thrust.start
+    if half == 1:
+        return thrust.middle
+    return thrust.end
 
 
 @kernel
 def twist_rate(system, stage, pose, twist):
     """Derivative of the twist by the recursion (6)-(13); see `integrators`."""
-    R, w = rotation_matrix(pose.attitude), twist.angular
-    wrench = add_spatial(wrench_at(system, stage), rotate_spatial_back(R, system.gust))
-    chain = Chain(system.links, system.arm[system.row + stage * system.stride])
+    R, w, half = rotation_matrix(pose.attitude), twist.angular, half_steps(stage)
+    wrench = add_spatial(wrench_at(system.thrust, half), rotate_spatial_back(R, system.gust))
+    chain = Chain(system.links, system.arm[system.row + half * system.stride])
     a = base_acceleration(chain, w, gravity_in(R, system.gravity), wrench)
     return Spatial(subtract(a.linear, cross(w, twist.linear)), a.angular)
 
@@ -126,22 +142,8 @@ def advance(rule, derivative, view, k):
     rotors, speeds, commands = view.rotors, view.speeds, view.commands
     substeps, stride = int(stepping.substeps), int(stepping.arm_stride)
     for i in range(substeps):
-        start = Spatial(*rotor_wrench(rotors, speeds))
-        follow(rotors, speeds, commands)
-        middle = Spatial(*rotor_wrench(rotors, speeds))
-        follow(rotors, speeds, commands)
-        end = Spatial(*rotor_wrench(rotors, speeds))
-        system = System(
-            view.links,
-            view.arm,
-            2 * stride * (k * substeps + i),
-            stride,
-            start,
-            middle,
-            end,
-            gust,
-            stepping.gravity,
-        )
+        thrust, row = spin(rotors, speeds, commands), 2 * stride * (k * substeps + i)
+        system = System(view.links, view.arm, row, stride, thrust, gust, stepping.gravity)
         pose, twist, rate = rule(derivative, system, pose, twist, stepping.period)
     view.state[0] = State(pose, twist, rate)
 
@@ -172,10 +174,10 @@ class PinocchioRate:
 
     def __call__(self, system: System, stage: int, pose: Pose, twist: Spatial) -> Spatial:
         """See `integrators`."""
-        q, v = self._q, self._v
+        q, v, half = self._q, self._v, half_steps(stage)
         q[3:7], v[:6] = pose.attitude, [*twist.linear, *twist.angular]
-        for i, motion in enumerate(system.arm[system.row + stage * system.stride]):
+        for i, motion in enumerate(system.arm[system.row + half * system.stride]):
             q[7 + i], v[6 + i], self._ddtheta[i] = motion
         gust = rotate_spatial_back(rotation_matrix(pose.attitude), system.gust)
-        wrench = np.array(flat(add_spatial(wrench_at(system, stage), gust)))
+        wrench = np.array(flat(add_spatial(wrench_at(system.thrust, half), gust)))
         return record(Spatial, self._multibody.base_acceleration(q, v, self._ddtheta, wrench))

@@ -72,6 +72,20 @@ COLUMNS: dict[str, Column] = {
 }
 """Every column of a run, in order."""
 
+PLANT_COLUMNS: dict[str, dict[str, Column]] = {
+    "servo": {
+        "arm_goal": Column("arm", "rad", "goals of the servos; [m] of prismatic joints"),
+        "arm_torque": Column("arm", "N m", "torques at the joints; [N] of prismatic joints"),
+        "contact_force": Column(3, "N", "force of the world on the tool, world axes"),
+    },
+}
+"""More columns of runs of a plant, by its name."""
+
+
+def columns_of(plant: str) -> dict[str, Column]:
+    """Every column of a run of a plant, in order."""
+    return COLUMNS | PLANT_COLUMNS.get(plant, {})
+
 
 LOGGED = (
     *("pose", "velocity", "measured_pose", "measured_velocity", "u_pid", "u_dc", "command"),
@@ -96,9 +110,10 @@ def allocate_columns(
 class Run:
     """A flight that has happened.
 
-    Each column of `COLUMNS` is an attribute: `run.pose`, `run.rotor_speeds`, ... `units` names
-    their units. The record carries the nominal vehicle, the scenario, the controller's settings,
-    the weather, the seed, the driver and the versions; `refly` flies the same again from them.
+    Each column of `COLUMNS` is an attribute: `run.pose`, `run.rotor_speeds`, ...; a plant may add
+    some of `PLANT_COLUMNS`. `units` names their units. The record carries the nominal vehicle, the
+    scenario, the controller's settings, the weather, the seed, the driver and the versions; `refly`
+    flies the same again from them.
 
     Attributes:
         columns: Name to array, read-only, one row per controller tick.
@@ -132,6 +147,9 @@ class Run:
     rotor_speeds: Array
     rotor_wrench: Array
     disturbance: Array
+    arm_goal: Array
+    arm_torque: Array
+    contact_force: Array
 
     def __len__(self) -> int:
         """Number of controller ticks."""
@@ -147,11 +165,15 @@ class Run:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each column; joint by joint where the arm has prismatic ones, "m, rad"."""
-        units = {name: column.unit for name, column in COLUMNS.items()}
+        columns = columns_of(self.simulation.plant)
+        units = {name: column.unit for name, column in columns.items()}
         prismatic = self.vehicle.joints.prismatic
         if prismatic.any():
-            units["arm"] = ", ".join("m" if slides else "rad" for slides in prismatic)
-            units["arm_rate"] = ", ".join("m/s" if slides else "rad/s" for slides in prismatic)
+            of_sliding = {"rad": "m", "rad/s": "m/s", "N m": "N"}
+            for name, column in columns.items():
+                if column.width == "arm":
+                    turned, slid = column.unit, of_sliding[column.unit]
+                    units[name] = ", ".join(slid if slides else turned for slides in prismatic)
         return units
 
     @property
@@ -321,4 +343,8 @@ class Run:
         if not isinstance(path, str | Path):
             raise RunFileError("Run.load", "path", f"is {shown(path)}", "give a path")
         widths = {name: column.width for name, column in COLUMNS.items()}
-        return cls(*run_file.read(Path(path), run_file.Format(FORMAT, widths, METADATA)))
+        more = {
+            plant: {name: column.width for name, column in columns.items()}
+            for plant, columns in PLANT_COLUMNS.items()
+        }
+        return cls(*run_file.read(Path(path), run_file.Format(FORMAT, widths, METADATA, more)))

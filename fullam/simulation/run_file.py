@@ -12,7 +12,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
@@ -63,11 +63,20 @@ class Format:
         name: Its "format" entry.
         widths: Column -> 0 for a plain column, a number, "arm" (joints) or "rotors".
         metadata: Names of the metadata beside the format.
+        of_plants: More columns of runs of a plant, by its name.
     """
 
     name: str
     widths: Mapping[str, int | str]
     metadata: tuple[str, ...]
+    of_plants: Mapping[str, Mapping[str, int | str]] = field(default_factory=dict)
+
+    def widths_of(self, metadata: Mapping[str, Any]) -> dict[str, int | str]:
+        """Columns of the run with these metadata."""
+        simulation = metadata.get("simulation")
+        plant = simulation.get("plant") if isinstance(simulation, Mapping) else None
+        more = self.of_plants.get(plant, {}) if isinstance(plant, str) else {}
+        return {**self.widths, **more}
 
 
 def read(path: Path, format: Format) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -84,7 +93,7 @@ def read(path: Path, format: Format) -> tuple[dict[str, Array], dict[str, Any]]:
             raise check.refuse("file", "does not exist", "give the path of a saved run")
         with zipfile.ZipFile(path) as archive:
             metadata = _metadata(archive, check, format)
-            arrays = _columns(archive, check, format)
+            arrays = _columns(archive, check, format.widths_of(metadata))
     except UNREADABLE as error:
         raise check.refuse(
             "file",
@@ -111,19 +120,21 @@ def _metadata(archive: zipfile.ZipFile, check: Checker, format: Format) -> dict[
             "the scenario again",
         )
     names = {info.filename for info in archive.infolist()}
-    missing = [name for name in format.widths if f"{name}.npy" not in names]
+    missing = [name for name in format.widths_of(metadata) if f"{name}.npy" not in names]
     missing += [name for name in format.metadata if name not in metadata]
     if missing:
         raise check.refuse("contents", f"{', '.join(missing)} missing", "save it again")
     return dict(metadata)
 
 
-def _columns(archive: zipfile.ZipFile, check: Checker, format: Format) -> dict[str, Array]:
+def _columns(
+    archive: zipfile.ZipFile, check: Checker, wanted_widths: Mapping[str, int | str]
+) -> dict[str, Array]:
     """The columns, all of one length; entries that no run has are left unread."""
     arrays: dict[str, Array] = {}
     widths: dict[int | str, int] = {}
     room = MOST_BYTES
-    for name, width in format.widths.items():
+    for name, width in wanted_widths.items():
         array = _array(archive, name, check, "b" if name == "saturated" else "f", room)
         room -= array.nbytes
         rows = arrays["t"].shape[0] if arrays else (array.shape or (0,))[0]

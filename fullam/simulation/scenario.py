@@ -22,12 +22,14 @@ from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.motion_files import with_files_read
 from fullam.simulation.motion_rows import ArmRows, ReferenceRows
+from fullam.simulation.payload import Payload
 from fullam.simulation.reference_table import Reference, ReferenceTable, name_of
 from fullam.simulation.references import Step
 from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
+from fullam.simulation.world import Surface, surface
 
 Array = NDArray[np.float64]
 
@@ -63,6 +65,8 @@ class Scenario:
         shaping: How the reference is blended and anticipated before the law sees it.
         tool: What the tool should do. Where `reference` is left out, the motions of platform and
             arm follow from it; else the tool is only measured against it.
+        world: What the tool may touch.
+        payloads: What the tool picks up.
     """
 
     name: str
@@ -78,6 +82,8 @@ class Scenario:
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
     tool: ToolTask | None = None
+    world: tuple[Surface, ...] = ()
+    payloads: tuple[Payload, ...] = ()
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -105,6 +111,13 @@ class Scenario:
                 raise check.refuse(name, f"is {shown(value)}", remedy)
         check.instance("weather", self.weather, Weather)
         check.instance("shaping", self.shaping, Shaping)
+        for name, cls in (("world", Surface), ("payloads", Payload)):
+            things = getattr(self, name)
+            if not isinstance(things, list | tuple):
+                raise check.refuse(name, f"is {shown(things)}", "give a list")
+            for thing in things:
+                check.instance(name, thing, cls)
+            object.__setattr__(self, name, tuple(things))
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
         if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
             raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
@@ -131,6 +144,26 @@ class Scenario:
     def axes_mask(self) -> tuple[bool, ...]:
         """Which of the six axes are controlled."""
         return tuple(a in self.axes for a in AXES)
+
+    @property
+    def plant(self) -> str:
+        """The plant that it needs: what touches something has joints that yield."""
+        return "servo" if self.world or self.payloads else "prescribed"
+
+    def check_plant(self, plant: str) -> None:
+        """Refuse a plant in which nothing can be touched or carried, if something is to be.
+
+        Raises:
+            ScenarioError: Joints that follow their motion exactly yield to nothing.
+        """
+        if plant == "prescribed" and self.plant != plant:
+            what = "world" if self.world else "payloads"
+            raise ScenarioError(
+                f"scenario '{self.name}'",
+                what,
+                "needs joints that yield, and the plant is 'prescribed'",
+                f"leave plant out, or choose '{self.plant}'",
+            )
 
     @property
     def initial_pose(self) -> Array:
@@ -206,6 +239,8 @@ class Scenario:
             del data["tool"]
         else:
             data["tool"] = self.tool.to_dict()
+        for name in ("world", "payloads"):
+            data[name] = [thing.to_dict() for thing in getattr(self, name)]
         return data
 
     @classmethod
@@ -241,6 +276,9 @@ class Scenario:
             values["shaping"] = Shaping.from_dict(values["shaping"])
         if values.get("tool") is not None:
             values["tool"] = ToolTask.from_dict(values["tool"])
+        for name, read in (("world", surface), ("payloads", Payload.from_dict)):
+            if isinstance(values.get(name), list | tuple):
+                values[name] = tuple(read(table) for table in values[name])
         return values
 
 

@@ -14,6 +14,7 @@ from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 from fullam.plain_values import plain_table
+from fullam.simulation.plant_settings import plant_settings
 
 WHERE = "simulation settings"
 CHECK = Checker(WHERE, ScenarioError)
@@ -40,6 +41,10 @@ class SimulationSettings:
         control_period: Time between controller ticks [s].
         plant_period: Time step of the plant [s]; divides the control period.
         integrator: "midpoint" (order 2), "rk4" (order 4) or "semi-implicit-euler" (order 1).
+        plant: Which physics flies: "prescribed" (joints follow their motion exactly) or "servo"
+            (joints are free, moved by their servos).
+        plant_settings: Those of the plant's settings that differ from its defaults; see
+            `plant_settings`.
         pose_period: Time between poses from the pose sensor [s]; a multiple of the control period.
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
         estimator: Name of the estimator; None takes the one that the controller is made for, by
@@ -54,6 +59,8 @@ class SimulationSettings:
     control_period: float = 0.01
     plant_period: float = 0.001
     integrator: str = "midpoint"
+    plant: str = "prescribed"
+    plant_settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     pose_period: float | None = None
     delay: float = 0.0
     estimator: str | None = None
@@ -69,6 +76,9 @@ class SimulationSettings:
         for name, numbers in RANGES.items():
             object.__setattr__(self, name, CHECK.number(name, getattr(self, name), numbers))
         integrator(CHECK.text("integrator", self.integrator))
+        given = CHECK.table("plant_settings", self.plant_settings)
+        plant_settings(self.plant, given)
+        object.__setattr__(self, "plant_settings", dict(given))
         if self.estimator is not None:
             estimator_class(CHECK.text("estimator", self.estimator))
         self._own_estimator_settings()
@@ -144,7 +154,8 @@ class SimulationSettings:
         """JSON values."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
         governor = asdict(self.governor) if isinstance(self.governor, Governor) else "off"
-        return data | {"estimator_settings": dict(self.estimator_settings), "governor": governor}
+        settings = {name: dict(data[name]) for name in ("estimator_settings", "plant_settings")}
+        return data | settings | {"governor": governor}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SimulationSettings:

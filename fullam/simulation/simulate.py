@@ -43,6 +43,8 @@ class Choices(TypedDict, total=False):
             estimator unless `simulation` names one.
         simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
             what differs from the defaults.
+        plant: Which physics flies, "prescribed" or "servo"; by default the one that the scenario
+            needs, or the simulation's own.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
         failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
@@ -54,6 +56,7 @@ class Choices(TypedDict, total=False):
     calm: bool
     settings: Any
     simulation: SimulationSettings | Mapping[str, Any] | None
+    plant: str | None
     shaping: Shaping | Mapping[str, Any] | None
     failed: Sequence[int | str]
 
@@ -76,12 +79,10 @@ def prepare(
         raise ScenarioError("flight", "failed", problem, "give a list of names, or of indices")
     if failed:
         vehicle = vehicle.with_failed(*failed)
-    simulation = choices.get("simulation")
-    if not isinstance(simulation, SimulationSettings):
-        simulation = SimulationSettings.from_dict({} if simulation is None else simulation)
     settings = given = choices.get("settings")
     if given is None or isinstance(given, Mapping):
         settings = make_settings(controller, given)
+    simulation = _simulation(scenario, choices.get("simulation"), choices.get("plant"))
     if isinstance(given, SettingsFile):
         simulation = _made_for(given, vehicle, simulation)
     return FlightPlan.prepare(
@@ -93,6 +94,22 @@ def prepare(
         _weather(choices.get("weather"), choices.get("calm", False)) or scenario.weather,
         choices.get("seed", 0),
     )
+
+
+def _simulation(
+    scenario: Scenario, simulation: SimulationSettings | Mapping[str, Any] | None, plant: str | None
+) -> SimulationSettings:
+    """The simulation's settings, with the plant that was chosen or that the scenario needs."""
+    if plant is None and scenario.plant != "prescribed":
+        plant = scenario.plant
+    if not isinstance(simulation, SimulationSettings):
+        own = {} if simulation is None else simulation
+        if plant is not None and isinstance(own, Mapping):
+            own = {**own, "plant": plant}
+        return SimulationSettings.from_dict(own)
+    if plant is not None and plant != simulation.plant:
+        return replace(simulation, plant=plant, plant_settings={})
+    return simulation
 
 
 def _made_for(
@@ -158,12 +175,13 @@ def simulate(
             `failed` (rotors that stand still and are known to), `weather` (an instance or a name),
             `calm` (no weather at all), `settings` (the controller's: an instance, a mapping of what
             differs, or what `load_settings` read), `shaping` (of the reference; an instance or a
-            mapping of what differs), `simulation` (rates, integrator, sensors, estimator). Each has
-            the scenario's own or the default where it is left out; see `Choices`.
+            mapping of what differs), `simulation` (rates, integrator, sensors, estimator), `plant`
+            (the physics). Each has the scenario's own or the default where it is left out; see
+            `Choices`.
 
     Raises:
         Diverged: The flight left the bounds of sense; the error carries the partial run.
-        UnknownName: No such scenario, controller, vehicle, weather or driver.
+        UnknownName: No such scenario, controller, vehicle, weather, plant or driver.
         ScenarioError: A scenario that cannot be flown.
         VehicleError: A vehicle file that describes no flyable vehicle, or an arm that is not one
             chain of joints.

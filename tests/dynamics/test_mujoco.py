@@ -22,7 +22,7 @@ import pytest
 from scipy.optimize import nnls
 
 from fullam.analysis.random_states import CATEGORIES, random_states
-from fullam.dynamics.integrators import integrator
+from fullam.dynamics.integrators import half_steps, integrator
 from fullam.dynamics.multibody import Multibody, rotation_of, world_acceleration
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.numbers.records import flat, record
@@ -187,7 +187,7 @@ def fly_pinocchio(vehicle, program, q, steps):
     now, then = q.copy(), np.zeros(vehicle.model.nv)
 
     def acceleration(start, stage, pose, twist):
-        t = start + 0.5 * stage * dt
+        t = start + 0.5 * half_steps(stage) * dt
         turned, then[6:] = program.arm(t)
         now[:7], then[:6], now[7:] = [*flat(pose)], [*flat(twist)], q[7:] + turned
         a_A = witness.base_acceleration(now, then, program.ddtheta(t), program.wrench(t))
