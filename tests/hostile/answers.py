@@ -16,7 +16,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 import fullam
-from fullam.exceptions import FullamError
+from fullam.exceptions import FullamError, FullamWarning
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario
 
@@ -62,6 +62,7 @@ def answered(call: Callable[[], Any]) -> Any:
     with patience(), warnings.catch_warnings():
         # An overflow on the way is a number beyond sense that got too far.
         warnings.simplefilter("error", RuntimeWarning)
+        warnings.simplefilter("ignore", FullamWarning)  # which is an answer, too
         try:
             result = call()
         except FullamError as error:

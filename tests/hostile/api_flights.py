@@ -24,9 +24,12 @@ from fullam.model.loading import load_vehicle
 from fullam.model.writing import write_vehicle
 from fullam.simulation.excitation import ArmExcitation, Excitation
 from fullam.simulation.motion_csv import read_columns
+from fullam.simulation.payload import Payload
+from fullam.simulation.plant_settings import ServoSettings
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.sensor_errors import SensorErrors
 from fullam.simulation.simulate import prepare
+from fullam.simulation.world import Box, Plane, Sphere, surface
 
 Calls = list[tuple[Callable[..., Any], dict[str, Any]]]
 
@@ -62,7 +65,13 @@ def one_flight() -> Calls:
     """Flights, what is prepared for them, and what is made of their records."""
     brief, run = Scenario("brief", duration=0.02), whole_run()
     vehicle, plan = load_vehicle("fullam"), prepare(brief, "dc-pid")
-    choices = {"vehicle": "fullam", "failed": ("rotor_1",), "seed": 1, "simulation": {}}
+    choices = {
+        "vehicle": "fullam",
+        "failed": ("rotor_1",),
+        "seed": 1,
+        "simulation": {},
+        "plant": "servo",
+    }
 
     def without(rotor: Any) -> Any:
         return vehicle.with_failed(rotor)
@@ -74,6 +83,13 @@ def one_flight() -> Calls:
         return list(fullam.fly_many(plan, (0,), lanes=1, threads=1))
 
     return [
+        (Plane, {"point": (0, 0, 0), "normal": (0, 0, 1), "stiffness": 1e5, "friction": 0.5}),
+        (Sphere, {"center": (0, 0, 0), "radius": 0.1, "dissipation": 1.0, "slip": 0.02}),
+        (Box, {"center": (0, 0, 0), "size": (1, 1, 1), "euler_deg": (0, 0, 9)}),
+        (Payload, {"mass": 0.2, "picked_up": 1.0, "dropped": 2.0, "offset": (0, 0, 0)}),
+        (Payload.from_dict, {"data": {"mass": 0.2}}),
+        (surface, {"data": {"kind": "plane", "point": [0, 0, 0], "normal": [0, 0, 1]}}),
+        (ServoSettings, {"feedback": "twin", "feed_forward": "off"}),
         (without, {"rotor": "rotor_1"}),
         (prepare, {"scenario": brief, "controller": "dc-pid", **choices, "settings": {}}),
         (flown, {"seeds": (0,), "lanes": 1, "threads": 1}),

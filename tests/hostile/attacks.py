@@ -32,6 +32,7 @@ from values import damaged, document, json_values, mostly, toml_values, torn
 import fullam
 from fullam.model.bodies import body_tables
 from fullam.model.loading import load_vehicle, vehicle_path
+from fullam.model.servos import DEFAULTS
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario
 
@@ -44,8 +45,8 @@ WHOLE_VEHICLE = tomllib.loads(vehicle_path("fullam").read_text(encoding="utf-8")
 }
 # The declared mass is checked against the URDF's, which would hide every other damage to masses.
 del WHOLE_VEHICLE["mass"], WHOLE_VEHICLE["design"]
-BODIES = {"body": body_tables(load_vehicle("fullam").model)}
-"""Mass properties as a calibrated vehicle states them."""
+MORE = {"body": body_tables(load_vehicle("fullam").model), "servo": dict(DEFAULTS)}
+"""Mass properties as a calibrated vehicle states them, and servos."""
 
 ATTRIBUTES = [found.span(1) for found in re.finditer(r'="([^"]*)"', WHOLE_URDF)]
 ELEMENTS = [found.span() for found in re.finditer(r"<(\w+)[^<>]*/>", WHOLE_URDF)]
@@ -77,7 +78,7 @@ GOOD_VEHICLE, GOOD_URDF = document(WHOLE_VEHICLE).encode(), WHOLE_URDF.encode()
 vehicles = mostly(
     st.one_of(
         st.tuples(
-            st.sampled_from((WHOLE_VEHICLE, WHOLE_VEHICLE | BODIES))
+            st.sampled_from((WHOLE_VEHICLE, WHOLE_VEHICLE | MORE))
             .flatmap(lambda whole: damaged(whole, toml_values))
             .map(lambda t: document(t).encode()),
             st.just(GOOD_URDF),

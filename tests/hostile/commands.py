@@ -39,12 +39,14 @@ WORDS = (
         "4.5",
     ),
     *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
+    *("servo", "prescribed", "feedback=truth", "feedback=x", "feed_forward=off", "push-wall"),
 )
 OPTIONS = {
     "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate "
-            "--out --estimator --governor --failed --shape --figure --driver --calm --json"),
+            "--plant --plant-set --out --estimator --governor --failed --shape --figure --driver "
+            "--calm --json"),
     "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor "
-                "--shape --failed --figure --driver --calm --json"),
+                "--shape --failed --figure --driver --plant --calm --json"),
     "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather --failed"),
     "list": "--json",

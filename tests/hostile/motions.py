@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import replace
 from typing import Any
@@ -36,7 +37,11 @@ WHOLE: tuple[dict[str, Any], ...] = (
     {"tool": {"path": {"kind": "line", "to": [0.1, 0, 0]}, "euler_deg": [0, 0, 9]}},
     {"tool": {"path": {"kind": "minimum-snap", **THROUGH}, "attitude": "free"}},
     {"tool": {"path": {"kind": "csv", "path": "m.csv"}}},
-    json.loads(json.dumps(load_scenario("draw-circle").to_dict())),
+    *(
+        json.loads(json.dumps(load_scenario(name).to_dict()))
+        for name in ("draw-circle", "push-wall", "slide-wall", "pick-and-place")
+    ),
+    {"world": [{"kind": "sphere", "center": [0.4, 0, 0.8], "radius": 0.2, "friction": 0.3}]},
     json.loads(
         json.dumps(
             Scenario(
@@ -107,9 +112,18 @@ scenarios = st.sampled_from(named).flatmap(
 cases = st.tuples(files, scenarios)
 
 
+@functools.cache
+def compiled() -> None:
+    """Compile what flights need, which may take longer than anybody's patience."""
+    whole_run()
+    for name in ("push-wall", "pick-and-place"):
+        brief = replace(load_scenario(name), duration=0.05)
+        fullam.simulate(brief, "pid", weather="sold", throw=False)
+
+
 def attack_motion(case: tuple[bytes, bytes]) -> None:
     """A motion that is accepted is finite, the same when it is read again, and can be flown."""
-    whole_run()  # compiles what flights need, which may take longer than anybody's patience
+    compiled()
     table, path = folder() / "m.csv", folder() / "m.toml"
     table.write_bytes(case[0])
     path.write_bytes(case[1])
