@@ -178,7 +178,7 @@ def _told(plugin: Plugin, error: BaseException) -> PluginError:
     remedy = "mend it there"
     if isinstance(error, ModuleNotFoundError):
         remedy = f"install '{error.name}' here, or do without it"
-    return PluginError(where, type(error).__name__, str(error) or "was raised", remedy)
+    return PluginError(where, type(error).__name__, str(error).rstrip(".") or "was raised", remedy)
 
 
 def blamed(error: BaseException) -> PluginError | None:

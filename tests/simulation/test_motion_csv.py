@@ -76,6 +76,7 @@ TEXTS = {
         "t,x,y,z,phi_deg,psi_deg,gamma_deg\n0,0,0,1,0,0,0\n1,0,0,1,0,0,180\n",
         r"line 3: attitude \[1\]: is turned by 180 deg",
     ),
+    "endless": (f"t,x,y,z\n0,0,0,{'1' * 200_000}\n1,0,0,1\n", r"line 2: cannot be read \(field la"),
     "empty": ("t,x,y,z\n", r"has 1 lines"),
     "far": ("t,x,y,z\n0,0,0,1\n1,0,1e9,1\n", r"line 3: positions\[1\]\[1\]: is 1e\+09"),
 }
