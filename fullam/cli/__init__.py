@@ -93,6 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as stopped:
         interrupt.guard()  # whoever is impatient shall not see a traceback either
         output.complain(f"interrupted{stopped}")
+        interrupt.leave()
         return INTERRUPTED
     finally:
         interrupt.guard()  # what is left is to leave
