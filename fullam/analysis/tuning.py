@@ -29,7 +29,7 @@ from fullam.analysis.prices import Prices
 from fullam.analysis.provenance import cached_vehicle
 from fullam.analysis.tuning_flights import TuningFlights, candidate_cost, lacking_margin, trying
 from fullam.analysis.tuning_result import Costs, Tuning
-from fullam.checks import Checker
+from fullam.checks import Checker, shown
 from fullam.control.controllers import controller_class, make_settings
 from fullam.control.settings_file import SettingsFile
 from fullam.control.tunable import Parameter, search_space
@@ -91,6 +91,8 @@ def tune(
     check.whole("budget", budget, POPULATION + 1, MOST)
     check.whole("seed", seed)
     out = None if out is None else check.path("out", out)
+    if not (progress is None or callable(progress)):
+        raise check.refuse("progress", f"is {shown(progress)}", "give a function, or None")
     origin = settings.path if isinstance(settings, SettingsFile) else None
     if out is not None and origin is not None and Path(out).resolve() == Path(origin).resolve():
         problem = "is where the search starts from"

@@ -76,8 +76,11 @@ def one_flight() -> Calls:
     def without(rotor: Any) -> Any:
         return vehicle.with_failed(rotor)
 
-    def flown(seeds: Any, lanes: Any, threads: Any) -> Any:
-        return list(fullam.fly_many(plan, seeds, lanes=lanes, threads=threads))
+    def flown(seeds: Any) -> Any:
+        return list(fullam.fly_many(plan, seeds, lanes=1, threads=1))
+
+    def prepared(lanes: Any, threads: Any) -> Any:
+        return list(fullam.fly_many(plan, (), lanes=lanes, threads=threads))
 
     def many(plan: Any) -> Any:
         return list(fullam.fly_many(plan, (0,), lanes=1, threads=1))
@@ -92,7 +95,8 @@ def one_flight() -> Calls:
         (ServoSettings, {"feedback": "twin", "feed_forward": "off"}),
         (without, {"rotor": "rotor_1"}),
         (prepare, {"scenario": brief, "controller": "dc-pid", **choices, "settings": {}}),
-        (flown, {"seeds": (0,), "lanes": 1, "threads": 1}),
+        (flown, {"seeds": (0,)}),
+        (prepared, {"lanes": 1, "threads": 1}),
         (many, {"plan": plan}),
         *((function, {"run": run}) for function in (fullam.measure, fullam.refly, fullam.diagnose)),
         (fullam.loop_margins, {"plan": plan, "spare": 0.0}),
@@ -141,7 +145,7 @@ def own_things() -> Calls:
             partial(tune, flights=flights, budget=11),
             {
                 **{"controller": "pid", "settings": {}, "seed": 0, "jobs": 1},
-                **{"out": folder() / "best.toml", "progress": None},
+                "out": folder() / "best.toml",
             },
         ),
     ]
