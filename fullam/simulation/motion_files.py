@@ -27,7 +27,7 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
     Args:
         data: The table.
-        folder: Where relative paths begin.
+        folder: Where relative paths begin, that of a scene in MJCF as well.
 
     Raises:
         ScenarioError: A file that cannot be read as a motion; names file and line.
@@ -41,4 +41,6 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
                 check = Checker(f"{what} 'csv'", ScenarioError)
                 given["path"] = str(folder / check.text("path", given["path"]))
             values[entry] = from_dict({"csv": read}, what, given)
+    if isinstance(values.get("world_file"), str):
+        values["world_file"] = str(folder / values["world_file"])
     return values

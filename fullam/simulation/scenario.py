@@ -27,6 +27,7 @@ from fullam.simulation.shaping import SHAPED, Shaping
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 from fullam.simulation.world import Surface, surface
+from fullam.simulation.world_file import WorldFile
 
 Array = NDArray[np.float64]
 
@@ -59,6 +60,8 @@ class Scenario:
         shaping: How the reference is blended and anticipated before the law sees it.
         world: What the tool may touch.
         payloads: What the tool picks up.
+        world_file: A scene in MJCF around all this, for the plant "mujoco": a `WorldFile`, or the
+            path of one (in a scenario's file, from its folder on).
     """
 
     name: str
@@ -75,6 +78,7 @@ class Scenario:
     shaping: Shaping = SHAPED
     world: tuple[Surface, ...] = ()
     payloads: tuple[Payload, ...] = ()
+    world_file: WorldFile | None = None
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -108,6 +112,8 @@ class Scenario:
             for thing in things:
                 check.instance(name, thing, cls)
             object.__setattr__(self, name, tuple(things))
+        if self.world_file is not None and not isinstance(self.world_file, WorldFile):
+            object.__setattr__(self, "world_file", WorldFile.from_dict(self.world_file))
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
         if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
             raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
@@ -123,22 +129,25 @@ class Scenario:
     @property
     def plant(self) -> str:
         """The plant that it needs: what touches something has joints that yield."""
+        if self.world_file is not None:
+            return "mujoco"
         return "servo" if self.world or self.payloads else "prescribed"
 
     def check_plant(self, plant: str) -> None:
         """Refuse a plant in which nothing can be touched or carried, if something is to be.
 
         Raises:
-            ScenarioError: Joints that follow their motion exactly yield to nothing.
+            ScenarioError: Joints that follow their motion exactly yield to nothing; or there is a
+                scene in MJCF for another plant than MuJoCo.
         """
-        if plant == "prescribed" and self.plant != plant:
+        where, remedy = f"scenario '{self.name}'", f"leave plant out, or choose '{self.plant}'"
+        if self.world_file is not None and plant != "mujoco":
+            problem = f"is for MuJoCo, and the plant is '{plant}'"
+            raise ScenarioError(where, "world_file", problem, remedy)
+        if plant in ("prescribed", "mujoco-prescribed") and self.plant != "prescribed":
             what = "world" if self.world else "payloads"
-            raise ScenarioError(
-                f"scenario '{self.name}'",
-                what,
-                "needs joints that yield, and the plant is 'prescribed'",
-                f"leave plant out, or choose '{self.plant}'",
-            )
+            problem = f"needs joints that yield, and the plant is '{plant}'"
+            raise ScenarioError(where, what, problem, remedy)
 
     @property
     def initial_pose(self) -> Array:
@@ -212,6 +221,7 @@ class Scenario:
         data["shaping"] = self.shaping.to_dict()
         for name in ("world", "payloads"):
             data[name] = [thing.to_dict() for thing in getattr(self, name)]
+        data["world_file"] = self.world_file and self.world_file.to_dict()
         return data
 
     @classmethod

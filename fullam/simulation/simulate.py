@@ -39,8 +39,8 @@ class Choices(TypedDict, total=False):
             the defaults.
         simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
             what differs from the defaults.
-        plant: Which physics flies, "prescribed" or "servo"; by default the one that the scenario
-            needs, or the simulation's own.
+        plant: Which physics flies, "prescribed", "servo" or "mujoco"; by default the one that
+            the scenario needs, or the simulation's own.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
         failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
