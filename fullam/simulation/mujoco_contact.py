@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-IMPEDANCE, IMPRATIO = 1e-3, 100.0
-LOAD = 3.0
+IMPEDANCE, IMPRATIO = 1e-4, 100.0
+LOAD = 5.0
 """At which a spring of Hertz's is taken for a linear one [N]."""
 
 SLIDING = (0.2, 1.0)
