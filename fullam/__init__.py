@@ -20,6 +20,7 @@ import fullam.simulation.interaction  # noqa: F401 - and those that touch things
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import load_plugin
 from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
 from fullam.simulation.arm_table import ArmTable
 from fullam.simulation.reference_table import ReferenceTable
@@ -31,17 +32,30 @@ from fullam.simulation.scenario import (
     register_scenario,
     scenario_names,
 )
+from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool_weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
 if TYPE_CHECKING:
+    from fullam.analysis.calibration import calibrate
+    from fullam.analysis.calibration_flight import excitation_flight
     from fullam.analysis.diagnosis import diagnose
+    from fullam.analysis.external_wrench import WrenchSettings, external_wrench
     from fullam.analysis.margins import loop_margins
     from fullam.analysis.metrics import Metrics, measure
     from fullam.control.allocation import Allocation, Allocator
     from fullam.control.controller import Controller
-    from fullam.control.controllers import controller_names, make_controller, register
-    from fullam.control.estimators import estimator_names
+    from fullam.control.controllers import (
+        controller_names,
+        load_settings,
+        make_controller,
+        register,
+    )
+    from fullam.control.estimator import Estimator
+    from fullam.control.estimators import estimator_names, register_estimator
+    from fullam.control.tunable import tunable
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
     from fullam.simulation.many import fly_many
@@ -54,13 +68,20 @@ if TYPE_CHECKING:
     from fullam.viz.viewer.widgets import explore
 
 LATER = {
+    "fullam.analysis.calibration": ("calibrate",),
+    "fullam.analysis.calibration_flight": ("excitation_flight",),
+    "fullam.analysis.external_wrench": ("WrenchSettings", "external_wrench"),
     "fullam.analysis.diagnosis": ("diagnose",),
     "fullam.analysis.margins": ("loop_margins",),
     "fullam.analysis.metrics": ("Metrics", "measure"),
     "fullam.control.allocation": ("Allocation", "Allocator"),
     "fullam.control.controller": ("Controller",),
-    "fullam.control.controllers": ("controller_names", "make_controller", "register"),
-    "fullam.control.estimators": ("estimator_names",),
+    "fullam.control.controllers": (
+        *("controller_names", "load_settings", "make_controller", "register"),
+    ),
+    "fullam.control.estimator": ("Estimator",),
+    "fullam.control.estimators": ("estimator_names", "register_estimator"),
+    "fullam.control.tunable": ("tunable",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
     "fullam.simulation.many": ("fly_many",),
@@ -95,10 +116,13 @@ __all__ = [
     "Allocator",
     "ArmTable",
     "Circle",
+    "CirclePath",
     "Controller",
+    "Estimator",
     "FullamError",
     "HoldArm",
     "JointTrajectory",
+    "LinePath",
     "Metrics",
     "ReferenceTable",
     "Rotors",
@@ -107,21 +131,30 @@ __all__ = [
     "Shaping",
     "SimulationSettings",
     "SineRate",
+    "SquarePath",
     "Step",
+    "ToolTask",
+    "ToolWeights",
     "Trajectory",
     "Vehicle",
     "VehicleDesign",
     "Waypoints",
     "Weather",
+    "WrenchSettings",
     "__version__",
+    "calibrate",
     "controller_names",
     "design_vehicle",
     "diagnose",
     "estimator_names",
+    "excitation_flight",
     "explore",
+    "external_wrench",
     "fly",
     "fly_many",
+    "load_plugin",
     "load_scenario",
+    "load_settings",
     "load_vehicle",
     "loop_margins",
     "make_controller",
@@ -129,9 +162,11 @@ __all__ = [
     "prepare",
     "refly",
     "register",
+    "register_estimator",
     "register_scenario",
     "scenario_names",
     "simulate",
+    "tunable",
     "vehicle_names",
     "view",
     "weather",

@@ -224,10 +224,11 @@ class HybridForce(DcPidPlus):
 
     name = "hybrid-force"
     Settings = HybridForceSettings
+    touches = True
     settings: HybridForceSettings
 
     @property
-    def Memory(self) -> type:
+    def Memory(self) -> type:  # type: ignore[override]
         """What the law remembers."""
         return HybridPreviousMemory if self.previous else HybridMemory
 

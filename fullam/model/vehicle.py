@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import hashlib
+import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,6 +18,7 @@ from fullam.checks import positive, shown
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.articulation import articulate, build_model
+from fullam.model.bodies import replace_bodies
 from fullam.model.joints import ArmJoints
 from fullam.model.physics import (
     check_bodies,
@@ -121,6 +124,7 @@ class Vehicle:
             remarks.append('masses and inertias are not checked: physics = "trust"')
         else:
             remarks += check_bodies(model, robot, urdf_place)
+        replace_bodies(definition, model, where)
         read.frame_id(model, tool, where, "tool")
         if "mass" in definition:
             declared = read.number(definition["mass"], where, "mass")
@@ -152,6 +156,11 @@ class Vehicle:
             "rotors": {name: getattr(self.rotors, name).tolist() for name in COLUMNS},
             "bodies": [_body(inertia) for inertia in self.model.inertias[1:]],
         }
+
+    def digest(self) -> str:
+        """Sixteen hexadecimal digits of its data: the same name may be another one tomorrow."""
+        text = json.dumps(self.to_data(), sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Vehicle:

@@ -221,4 +221,5 @@ def _sphere(sphere: Sphere) -> SphereRow:
 
 def _box(box: Box) -> BoxRow:
     half = tuple(0.5 * np.array(box.size))
-    return BoxRow(box.center, tuple(box.rotation.ravel().tolist()), half, _material(box))
+    rotation: Any = tuple(box.rotation.ravel().tolist())
+    return BoxRow(box.center, rotation, half, _material(box))

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
 
 from fullam.checks import Checker, positive
 from fullam.control.arm_feedback import FEEDBACK
 from fullam.control.arm_goals import FEED_FORWARD
-from fullam.exceptions import SettingsError, UnknownName
+from fullam.dynamics.integrators import integrator
+from fullam.exceptions import ScenarioError, SettingsError, UnknownName
+from fullam.model.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
 class PrescribedSettings:
     """Joints follow their motion theta(t) exactly: there is nothing to choose."""
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """Any time step will do."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,7 @@ class ServoSettings:
             "off"; see `fullam.control.arm_goals`.
     """
 
+    plant: ClassVar[str] = "servo"
     feedback: str = "twin"
     feed_forward: str = "gravity"
 
@@ -36,7 +44,34 @@ class ServoSettings:
         for name, known in (("feedback", FEEDBACK), ("feed_forward", FEED_FORWARD)):
             value = getattr(self, name)
             if not isinstance(value, str) or value not in known:
-                raise UnknownName(f"{name} of the plant's servos", str(value), tuple(known))
+                raise UnknownName(f"{name} of plant '{self.plant}'", str(value), tuple(known))
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """Refuse a time step at which the rule cannot hold the servos.
+
+        The joints' inertia, the platform free, is at least that of their motors' rotors: no decay
+        is faster than d / armature, no swing faster than sqrt((k + stop) / armature).
+
+        Args:
+            vehicle: The vehicle, for its servos.
+            integrator_name: Name of the plant's integrator.
+            period: Its time step [s].
+
+        Raises:
+            ScenarioError: The step is too long; the message names one that is not.
+        """
+        servos = vehicle.servos
+        rates = [servos.damping / servos.armature]
+        rates.append(np.sqrt((servos.stiffness + servos.stop) / servos.armature))
+        fastest = float(np.max(rates, initial=0.0))
+        most = integrator(integrator_name).stable / max(fastest, 1e-300)
+        if period > most:
+            raise ScenarioError(
+                "simulation settings",
+                "plant_period",
+                f"is {period:g} s, but the servos' fastest motion takes {1.0 / fastest:.2g} s",
+                f"give at most {most:.2g} s, or servos with more armature in the vehicle's [servo]",
+            )
 
 
 MUJOCO_INTEGRATORS = {
@@ -61,6 +96,9 @@ class MujocoPrescribedSettings:
         """Check the name."""
         _check_integrator("mujoco-prescribed", self.integrator)
 
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """Any time step will do."""
+
 
 @dataclass(frozen=True)
 class MujocoSettings(ServoSettings):
@@ -71,16 +109,22 @@ class MujocoSettings(ServoSettings):
         tool_radius: Radius of the ball at the tool that touches [m].
     """
 
+    plant: ClassVar[str] = "mujoco"
     integrator: str = "rk4"
     tool_radius: float = 0.002
 
     def __post_init__(self) -> None:
         """Check the names and the number."""
         super().__post_init__()
-        _check_integrator("mujoco", self.integrator)
+        _check_integrator(self.plant, self.integrator)
         check = Checker("plant 'mujoco'", SettingsError)
         radius = check.number("tool_radius", self.tool_radius, positive(1.0, "m"))
         object.__setattr__(self, "tool_radius", radius)
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """See `ServoSettings`; by MuJoCo's integrator."""
+        own = "rk4" if self.integrator == "rk4" else "semi-implicit-euler"
+        super().check_step(vehicle, own, period)
 
 
 def _check_integrator(plant: str, name: Any) -> None:
@@ -117,9 +161,3 @@ def plant_settings(name: str, changes: Mapping[str, Any]) -> Any:
                 f"it has {', '.join(known) or 'none'}",
             )
     return cls(**changes)
-
-
-def changed_settings(settings: Any) -> dict[str, Any]:
-    """Those of a plant's settings that differ from its defaults."""
-    default = asdict(type(settings)())
-    return {name: value for name, value in asdict(settings).items() if value != default[name]}

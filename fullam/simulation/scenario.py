@@ -13,10 +13,12 @@ from fullam.checks import Checker, positive, read_toml, shown
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import discover
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
 from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.motion_files import with_files_read
 from fullam.simulation.motion_rows import ArmRows, ReferenceRows
@@ -24,12 +26,16 @@ from fullam.simulation.payload import Payload
 from fullam.simulation.reference_table import Reference, ReferenceTable, name_of
 from fullam.simulation.references import Step
 from fullam.simulation.shaping import SHAPED, Shaping
+from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 from fullam.simulation.world import Surface, surface
 from fullam.simulation.world_file import WorldFile
 
 Array = NDArray[np.float64]
+
+HOVER: Reference = Step((0.0, 0.0, 1.0))
+"""Where the platform should be if nothing is said about it."""
 
 LONGEST = 1e4
 """Longest flight [s]: at 1 kHz its tables take about a gigabyte."""
@@ -58,6 +64,8 @@ class Scenario:
             allocation. A platform that cannot control them all is meant to stay near level.
         weather: What spoils the flight unless the caller says otherwise.
         shaping: How the reference is blended and anticipated before the law sees it.
+        tool: What the tool should do. Where `reference` is left out, the motions of platform and
+            arm follow from it; else the tool is only measured against it.
         world: What the tool may touch.
         payloads: What the tool picks up.
         world_file: A scene in MJCF around all this, for the plant "mujoco": a `WorldFile`, or the
@@ -65,17 +73,18 @@ class Scenario:
     """
 
     name: str
-    reference: Reference = field(default_factory=lambda: Step((0.0, 0.0, 1.0)))
+    reference: Reference = HOVER
     description: str = ""
     vehicle: str = "fullam"
     initial_position: tuple[float, float, float] = (0.0, 0.0, 1.0)
     initial_euler_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     initial_arm_deg: tuple[float, ...] = ()
-    arm_motion: ArmMotion = field(default_factory=HoldArm)
+    arm_motion: ArmMotion | JointTrajectory = field(default_factory=HoldArm)
     duration: float = 6.0
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
+    tool: ToolTask | None = None
     world: tuple[Surface, ...] = ()
     payloads: tuple[Payload, ...] = ()
     world_file: WorldFile | None = None
@@ -98,6 +107,7 @@ class Scenario:
             object.__setattr__(self, name, check.vector(name, getattr(self, name), size, numbers))
         duration = check.number("duration", self.duration, positive(LONGEST, "s"))
         object.__setattr__(self, "duration", duration)
+        self._follow_tool(check)
         for name in ("reference", "arm_motion"):  # a user may bring a class of another kind
             value = getattr(self, name)
             if isinstance(value, type) or not callable(getattr(value, "tabulate", None)):
@@ -120,6 +130,21 @@ class Scenario:
         if not axes or set(axes) - set(AXES):
             raise check.refuse("axes", f"is {shown(tuple(axes))}", f"choose from {', '.join(AXES)}")
         object.__setattr__(self, "axes", tuple(a for a in AXES if a in axes))
+
+    def _follow_tool(self, check: Checker) -> None:
+        """Have both motions follow from the tool's, unless the reference is given."""
+        if self.tool is not None:
+            check.instance("tool", self.tool, ToolTask)
+            if self.reference is HOVER:
+                if not isinstance(self.arm_motion, HoldArm | FollowsTool):
+                    problem = "is given, and follows from the tool's path"
+                    raise check.refuse("arm_motion", problem, "leave it out, or give a reference")
+                for name in ("reference", "arm_motion"):
+                    object.__setattr__(self, name, FollowsTool())
+        followers = [isinstance(m, FollowsTool) for m in (self.reference, self.arm_motion)]
+        if any(followers) and not (all(followers) and self.tool is not None):
+            problem = "follows a tool that has no task, or alone"
+            raise check.refuse("reference", problem, "give tool, and leave both motions out")
 
     @property
     def axes_mask(self) -> tuple[bool, ...]:
@@ -219,6 +244,10 @@ class Scenario:
             data[name] = references.to_dict(data[name])
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
+        if self.tool is None:
+            del data["tool"]
+        else:
+            data["tool"] = self.tool.to_dict()
         for name in ("world", "payloads"):
             data[name] = [thing.to_dict() for thing in getattr(self, name)]
         data["world_file"] = self.world_file and self.world_file.to_dict()
@@ -228,7 +257,7 @@ class Scenario:
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
         """Build a scenario from plain data.
 
-        `weather` may be a name ("calm", "recorded", "paper") or a table of its fields.
+        `weather` may be a name ("calm", "recorded", "paper", "sold") or a table of its fields.
 
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.
@@ -255,6 +284,8 @@ class Scenario:
             values["weather"] = Weather.from_dict(values["weather"])
         if "shaping" in values:
             values["shaping"] = Shaping.from_dict(values["shaping"])
+        if values.get("tool") is not None:
+            values["tool"] = ToolTask.from_dict(values["tool"])
         for name, read in (("world", surface), ("payloads", Payload.from_dict)):
             if isinstance(values.get(name), list | tuple):
                 values[name] = tuple(read(table) for table in values[name])
@@ -272,7 +303,8 @@ def register_scenario(scenario: Scenario) -> Scenario:
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the registered scenarios, in the order of registration."""
+    """Names of the registered scenarios, in the order of registration; those of plugins too."""
+    discover()
     return tuple(_REGISTRY)
 
 
