@@ -29,8 +29,10 @@ from numpy.typing import NDArray
 
 from fullam.exceptions import ScenarioError
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.mujoco_spec import PREFIX, TOOL, load_mujoco
+from fullam.simulation.mujoco_spec import PREFIX, TOOL, load_mujoco, scene_spec
+from fullam.simulation.scenario import Scenario
 from fullam.simulation.world import Box, Plane, Sphere, Surface
+from fullam.simulation.world_file import WorldFile
 
 if TYPE_CHECKING:
     import mujoco
@@ -45,6 +47,13 @@ SLIDING = (0.2, 1.0)
 """Time constant [s] and damping ratio of friction against a scene's own shapes."""
 
 
+TIP = f"{PREFIX}tip"
+"""Name of the ball at the tool."""
+
+MOUNTED = f"{PREFIX}mounted/"
+"""Before every name of what a scene mounts on the tool."""
+
+
 class SurfacePair(NamedTuple):
     """Name of a pair, and the surface that takes part in it."""
 
@@ -53,9 +62,9 @@ class SurfacePair(NamedTuple):
 
 
 def add_world(
-    spec: mujoco.MjSpec, vehicle: Vehicle, surfaces: Sequence[Surface], radius: float
+    spec: mujoco.MjSpec, vehicle: Vehicle, scenario: Scenario, radius: float
 ) -> list[SurfacePair]:
-    """Add surfaces, the tool's shapes and what may touch what; the vehicle is in the spec.
+    """Add surfaces, the tool's shapes and what may touch what; scene and vehicle are in the spec.
 
     Returns:
         The pairs whose material `set_materials` writes.
@@ -63,19 +72,21 @@ def add_world(
     Raises:
         ScenarioError: A box is too small for the ball to touch it.
     """
-    others = [geom for geom in spec.geoms if geom.contype or geom.conaffinity]
-    tool_body = spec.body(TOOL)
-    own = [] if tool_body is None else list(tool_body.geoms)
-    others = [geom for geom in others if all(geom is not shape for shape in own)]
+    surfaces, world_file = scenario.world, scenario.world_file
+    if spec.body(TOOL) is not None:
+        spec.delete(spec.body(TOOL))
+    others = [
+        geom
+        for geom in spec.geoms
+        if (geom.contype or geom.conaffinity) and not geom.name.startswith(PREFIX)
+    ]
     for i, geom in enumerate(others):
         geom.name = geom.name or f"{PREFIX}scene {i}"
-    tools = _mount_tool(spec, vehicle, own, radius)
-    if tool_body is not None:
-        spec.delete(tool_body)
+    tools = _mount_tool(spec, vehicle, world_file, radius)
     found = []
     for i, surface in enumerate(surfaces):
         name = f"{PREFIX}surface {i}"
-        _add_surface(spec, name, surface, 0.0 if own else radius)
+        _add_surface(spec, name, surface, radius if tools == [TIP] else 0.0)
         for tool in tools:
             pair = SurfacePair(f"{name} {tool}", surface)
             _add_pair(spec, pair.name, tool, name)
@@ -93,40 +104,27 @@ def add_world(
 
 
 def _mount_tool(
-    spec: mujoco.MjSpec, vehicle: Vehicle, shapes: list[Any], radius: float
+    spec: mujoco.MjSpec, vehicle: Vehicle, world_file: WorldFile | None, radius: float
 ) -> list[str]:
-    """Add the shapes that touch to the tool's link, massless; their names."""
+    """Put on the tool what touches: a massless ball, or the scene's body; names of the shapes."""
     mujoco = load_mujoco()
     link, frame = _tool_link(spec, vehicle)
-    if not shapes:
-        names = [f"{PREFIX}tip"]
-        link.add_geom(
-            name=names[0],
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[radius, 0.0, 0.0],
-            pos=frame.translation,
-            mass=0.0,
-            contype=0,
-            conaffinity=0,
-        )
-        return names
+    turned = pin.Quaternion(frame.rotation)
+    place = link.add_frame(pos=frame.translation, quat=[turned.w, turned.x, turned.y, turned.z])
+    scene = scene_spec(world_file)
+    mounted = scene.body(TOOL)
+    if mounted is None:
+        ball = link.add_geom(name=TIP, type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=0.0)
+        ball.size, ball.pos = [radius, 0.0, 0.0], frame.translation
+        ball.contype = ball.conaffinity = 0
+        return [TIP]
+    mounted.pos, mounted.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
     names = []
-    for i, shape in enumerate(shapes):
-        names.append(f"{PREFIX}tool {i}")
-        w, x, y, z = shape.quat
-        turned = pin.Quaternion(frame.rotation) * pin.Quaternion(w, x, y, z)
-        link.add_geom(
-            name=names[-1],
-            type=shape.type,
-            size=shape.size,
-            pos=frame.translation + frame.rotation @ shape.pos,
-            quat=[turned.w, turned.x, turned.y, turned.z],
-            meshname=shape.meshname,
-            rgba=shape.rgba,
-            mass=0.0,
-            contype=0,
-            conaffinity=0,
-        )
+    for i, shape in enumerate(mounted.geoms):
+        shape.name = shape.name or f"shape {i}"
+        shape.contype = shape.conaffinity = 0
+        names.append(MOUNTED + shape.name)
+    place.attach_body(mounted, MOUNTED, "")
     return names
 
 
@@ -208,4 +206,4 @@ def tool_force(model: Any, data: Any) -> Array:
 
 def _is_tool(model: Any, geom: int) -> bool:
     name = model.geom(geom).name
-    return bool(name == f"{PREFIX}tip" or name.startswith(f"{PREFIX}tool "))
+    return bool(name == TIP or name.startswith(MOUNTED))

@@ -81,7 +81,7 @@ class Engine:
         # A flight that blows up shall be seen to, and not begin anew.
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.touches = bool(scenario.world) or scenario.world_file is not None
-        self._pairs = add_world(spec, vehicle, scenario.world, radius) if self.touches else []
+        self._pairs = add_world(spec, vehicle, scenario, radius) if self.touches else []
         self._spec, self._carried = spec, None
         self._compile()
 

@@ -1,9 +1,17 @@
 """A world in MuJoCo's own format, MJCF, around a flight: anybody's scene from a file.
 
 What a flight adds to it is the vehicle; see `mujoco_spec` for what of the scene it overrides. A
-body named "tool" on the ground floor of the scene is no part of it: its shapes are mounted on the
-vehicle's tool, its origin at the tool's point and its axes along the tool's, in the place of the
-small ball that touches otherwise.
+body named "tool" is no part of the scene: it is mounted on the vehicle's tool, its origin at the
+tool's point and its axes along the tool's, in the place of the small ball that touches otherwise.
+It weighs what it weighs there, which the law is not told.
+
+The least that somebody else's vehicle in somebody else's scene takes is their URDF, a vehicle's
+TOML that names `platform`, `arm` and `tool` and has a `[[rotor]]` table a rotor (position, axis,
+spin, k_f, k_tau, max_speed; see `model.definition`), their MJCF, and a scenario's TOML:
+
+    name = "room"
+    vehicle = "vehicle.toml"
+    world_file = "scene.xml"
 
 A record holds the scene's text. Meshes, textures and parts of it that stand in other files it holds
 by a digest alone: to fly again, they must be where they were, and unchanged.
