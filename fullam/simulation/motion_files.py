@@ -27,7 +27,8 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
     Args:
         data: The table.
-        folder: Where relative paths begin, that of a scene in MJCF as well.
+        folder: Where relative paths begin, those of a scene in MJCF and of a vehicle's TOML (if it
+            is there) as well.
 
     Raises:
         ScenarioError: A file that cannot be read as a motion; names file and line.
@@ -41,6 +42,9 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         values["tool"] = {**tool, "path": path}
     if isinstance(values.get("world_file"), str):
         values["world_file"] = str(folder / values["world_file"])
+    vehicle = values.get("vehicle")
+    if isinstance(vehicle, str) and vehicle.endswith(".toml") and (folder / vehicle).is_file():
+        values["vehicle"] = str(folder / vehicle)
     return values
 
 

@@ -82,7 +82,8 @@ class Engine:
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.touches = bool(scenario.world) or scenario.world_file is not None
         self._pairs = add_world(spec, vehicle, scenario, radius) if self.touches else []
-        self._spec, self._carried = spec, None
+        self._spec = spec
+        self._carried: Link | None = None
         self._compile()
 
     def _compile(self) -> None:
@@ -202,7 +203,7 @@ class Engine:
         M, base = np.empty((model.nv, model.nv)), self._twist
         self._mujoco.mj_fullM(model, data, M)
         own = np.array(accelerations, dtype=float)
-        coupled = M[np.ix_(range(base.start, base.stop), self._rates)] @ own
+        coupled = M[base, self._rates] @ own
         a = np.linalg.solve(M[base, base], wrench - data.qfrc_bias[base] - coupled)
         torques = M[self._rates, base] @ a + M[np.ix_(self._rates, self._rates)] @ own
         data.qfrc_applied[self._rates] = torques + data.qfrc_bias[self._rates]

@@ -1,5 +1,4 @@
-"""The scenario `peg-in-hole`, in MuJoCo: a peg at the tool, pushed into a hole that is not quite
-where it should be.
+"""The scenario `peg-in-hole`, in MuJoCo: a peg at the tool is pushed into a hole near its way.
 
 Fly it with `hybrid-force`, which pushes along +x with 3 N. The hole is 20 mm wide and 40 mm deep,
 the peg 16 mm thick and round at its tip; the hole lies 3 mm beside and 2 mm below the peg's way,
