@@ -27,6 +27,7 @@ from fullam.simulation.mujoco_spec import (
     compiled,
     load_mujoco,
     moving_bodies,
+    quiet,
     scene_spec,
     set_inertia,
     vehicle_spec,
@@ -178,11 +179,13 @@ class Engine:
 
     def step(self) -> None:
         """One step."""
-        self._mujoco.mj_step(self.model, self.data)
+        with quiet():
+            self._mujoco.mj_step(self.model, self.data)
 
     def tool_force(self) -> Array:
         """Force of the world on the tool in the present state, world axes [N], shape (3,)."""
-        self._mujoco.mj_forward(self.model, self.data)
+        with quiet():
+            self._mujoco.mj_forward(self.model, self.data)
         return tool_force(self.model, self.data)
 
     def wrench(self, squares: Sequence[float], gust: Spatial) -> Array:

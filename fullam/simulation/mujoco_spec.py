@@ -17,6 +17,8 @@ gravity (the vehicle's) and friction cone (elliptic).
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,6 +59,21 @@ def load_mujoco() -> Any:
     except ImportError as error:
         raise MissingDependency("plant 'mujoco'", "mujoco", "contact") from error
     return mujoco
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Have MuJoCo keep warnings to itself, which it else writes into a file where one stands.
+
+    They are of numbers that are not finite, and a flight that has some ends as diverged.
+    """
+    mujoco = load_mujoco()
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def vehicle_spec(vehicle: Vehicle, servos: Servos | None) -> mujoco.MjSpec:

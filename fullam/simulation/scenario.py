@@ -122,8 +122,9 @@ class Scenario:
             for thing in things:
                 check.instance(name, thing, cls)
             object.__setattr__(self, name, tuple(things))
-        if self.world_file is not None and not isinstance(self.world_file, WorldFile):
-            object.__setattr__(self, "world_file", WorldFile.from_dict(self.world_file))
+        if isinstance(self.world_file, str | Path):
+            object.__setattr__(self, "world_file", WorldFile.read(self.world_file))
+        check.instance("world_file", self.world_file, (WorldFile, type(None)))
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
         if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
             raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
@@ -289,6 +290,8 @@ class Scenario:
         for name, read in (("world", surface), ("payloads", Payload.from_dict)):
             if isinstance(values.get(name), list | tuple):
                 values[name] = tuple(read(table) for table in values[name])
+        if not isinstance(values.get("world_file"), WorldFile | None):
+            values["world_file"] = WorldFile.from_dict(values["world_file"])
         return values
 
 

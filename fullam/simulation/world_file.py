@@ -26,7 +26,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from fullam.checks import Checker, read_text
+from fullam.checks import MOST_FILE_BYTES, Checker, read_text
 from fullam.exceptions import ScenarioError
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
@@ -55,6 +55,8 @@ class WorldFile:
         check = Checker("world_file", ScenarioError)
         check.text("path", self.path)
         check.text("digest", self.digest, prose=True)
+        if isinstance(self.text, str) and len(self.text) > MOST_FILE_BYTES:
+            raise check.refuse("text", f"has {len(self.text)} characters", "split the scene")
         if not isinstance(self.text, str) or _root(self.text, self.path).tag != "mujoco":
             raise ScenarioError(
                 f"world_file '{self.path}'", "text", "is no MJCF", "its root element is <mujoco>"
@@ -92,13 +94,11 @@ class WorldFile:
 
     @classmethod
     def from_dict(cls, data: Any) -> WorldFile:
-        """A scene from its path, or from what `to_dict` gave.
+        """The inverse of `to_dict`. A path is no such thing: a record opens no files.
 
         Raises:
-            ScenarioError: It is neither, or the file cannot be read.
+            ScenarioError: A field that it does not have, or one that is missing.
         """
-        if isinstance(data, str | Path):
-            return cls.read(data)
         check = Checker("world_file", ScenarioError)
         values = check.table("table", data)
         check.known(values, tuple(f.name for f in fields(cls)))

@@ -158,6 +158,16 @@ def test_the_mean_square_of_a_speed_is_its_integrals():
     assert mean_square(300.0, 500.0, 0.0) == 500.0**2
 
 
+def test_a_flight_that_blows_up_leaves_no_file_and_does_not_begin_anew(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    vehicle = load_vehicle("fullam")
+    engine = Engine(vehicle, vehicle.servos, TASK, "rk4", 0.001)
+    engine.data.qvel[0] = 1e300
+    engine.step()
+    assert engine.data.qvel[0] > 1e200 or np.isnan(engine.data.qvel[0])
+    assert list(tmp_path.iterdir()) == []
+
+
 # Contact.
 
 SLIDE = replace(load_scenario("slide-wall"), duration=8.0, weather=CALM)
@@ -176,9 +186,7 @@ def test_the_first_touch_has_the_same_impulse(slid):
     for run in slid:
         push = -run.contact_force[:, 0]
         first = int(np.argmax(push > 0.0))
-        gone = first + int(np.argmax(push[first:] <= 0.05 * push.max()))
-        gone = gone if gone > first else first + 12
-        impulses.append(0.01 * push[first : first + 12].sum())
+        impulses.append(0.01 * push[first : first + 12].sum())  # until it bounces off
     # A spring of Hertz's against a linear one; the issue asks for 15 %, and 1.2 % are found.
     assert impulses[1] == pytest.approx(impulses[0], rel=0.05)
     assert impulses[0] > 0.2

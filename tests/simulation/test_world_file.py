@@ -197,6 +197,14 @@ def test_mujocos_own_words_are_passed_on():
         engine_in(wrong)
 
 
+def test_a_record_opens_no_files(tmp_path):
+    (tmp_path / "room.xml").write_text(ROOM)
+    assert Scenario("room", world_file=tmp_path / "room.xml").world_file.text == ROOM
+    data = Scenario("room").to_dict() | {"world_file": str(tmp_path / "room.xml")}
+    with pytest.raises(ScenarioError, match="table"):
+        Scenario.from_dict(data)
+
+
 def test_a_missing_scene_is_named(tmp_path):
     with pytest.raises(ScenarioError, match=r"nowhere\.xml"):
         Scenario("room", world_file=str(tmp_path / "nowhere.xml"))
