@@ -15,7 +15,8 @@ next to nothing to the normal: with equal ones the convex cone lifts what slides
 A scene's own shapes keep their own material, stiff by default; there a reference for friction that
 is ten times slower than the normal one's keeps the tool on the surface (`SLIDING`).
 
-The ball has a radius, the point of the other plants has none: surfaces stand back by it.
+The ball has a radius, the point of the other plants has none: a scenario's surfaces stand back by
+it, a scene's own shapes do not.
 """
 
 from __future__ import annotations
@@ -40,12 +41,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 IMPEDANCE, IMPRATIO = 1e-4, 100.0
+"""d, the least that MuJoCo takes; and the normal's R in those of friction."""
+
 LOAD = 5.0
 """At which a spring of Hertz's is taken for a linear one [N]."""
 
 SLIDING = (0.2, 1.0)
 """Time constant [s] and damping ratio of friction against a scene's own shapes."""
-
 
 TIP = f"{PREFIX}tip"
 """Name of the ball at the tool."""
@@ -96,7 +98,7 @@ def add_world(
             pair = _add_pair(spec, f"{tool} {geom.name}", tool, geom.name)
             pair.solref, pair.solimp = geom.solref, geom.solimp
             pair.margin, pair.gap = geom.margin, geom.gap
-            pair.condim = max(3, geom.condim)
+            pair.condim = geom.condim
             slide, turn, roll = geom.friction
             pair.friction = [slide, slide, turn, roll, roll]
             pair.solreffriction = SLIDING

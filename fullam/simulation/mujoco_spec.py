@@ -11,7 +11,8 @@ behind fixed joints are merged in them, as Pinocchio does). Then
 - what touches is a small ball at the tool, massless, or the shapes of the scene's body "tool".
 
 Around it stands a scene in MJCF, or nothing. It keeps its own options, but for step, integrator,
-gravity (the vehicle's) and friction cone (elliptic).
+gravity (the vehicle's), friction cone (elliptic) and, beside a scenario's surfaces, `impratio`; air
+of a density drags at the vehicle, too. Keyframes are not read: what moves begins as it is drawn.
 """
 
 from __future__ import annotations

@@ -141,6 +141,17 @@ PLANT_SETTINGS: dict[str, type[Any]] = {
 """The settings of each plant, by its name; see `plants.PLANTS` for the plants themselves."""
 
 
+IN_KERNELS = {"mujoco": "servo", "mujoco-prescribed": "prescribed"}
+"""Plants that machine code cannot fly, and the one of the same joints that it can."""
+
+
+def in_kernels(name: str, changes: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """A plant and its changed settings, or what machine code flies in its place."""
+    other = IN_KERNELS.get(name, name)
+    known = [f.name for f in fields(PLANT_SETTINGS[other])]
+    return other, {key: value for key, value in changes.items() if key in known}
+
+
 def plant_settings(name: str, changes: Mapping[str, Any]) -> Any:
     """A plant's settings, with those that differ from its defaults.
 

@@ -100,14 +100,16 @@ def _simulation(
     scenario: Scenario, simulation: SimulationSettings | Mapping[str, Any] | None, plant: str | None
 ) -> SimulationSettings:
     """The simulation's settings, with the plant that was chosen or that the scenario needs."""
-    needed = None if scenario.plant == "prescribed" else scenario.plant
+    given = simulation.plant if isinstance(simulation, SimulationSettings) else None
+    if isinstance(simulation, Mapping):
+        given = simulation.get("plant")
+    if plant is None and given in (None, "prescribed") and scenario.plant != "prescribed":
+        plant = scenario.plant  # "prescribed" may be nobody's choice
     if not isinstance(simulation, SimulationSettings):
         own = {} if simulation is None else simulation
-        if isinstance(own, Mapping) and (named := plant or own.get("plant", needed)) is not None:
-            own = {**own, "plant": named}
+        if plant is not None and isinstance(own, Mapping):
+            own = {**own, "plant": plant}
         return SimulationSettings.from_dict(own)
-    if plant is None and simulation.plant == "prescribed":
-        plant = needed
     if plant is not None and plant != simulation.plant:
         return replace(simulation, plant=plant, plant_settings={})
     return simulation

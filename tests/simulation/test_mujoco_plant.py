@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fullam.analysis.judged import driver_of
+from fullam.analysis.pushed import hover_of
 from fullam.dynamics.servo import ServoNumbers, servo_torque
 from fullam.exceptions import MissingDependency, ScenarioError, SettingsError, UnknownName
 from fullam.model.loading import load_vehicle
@@ -17,7 +19,8 @@ from fullam.simulation.references import Step
 from fullam.simulation.refly import refly
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario
-from fullam.simulation.simulate import simulate
+from fullam.simulation.settings import SimulationSettings
+from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM, PAPER
 from fullam.simulation.world import Box, Plane, Sphere
 
@@ -287,6 +290,23 @@ def test_a_record_flies_again(carried, tmp_path):
 def test_machine_code_does_not_fly_it(plant):
     with pytest.raises(SettingsError, match="fly it by 'python'"):
         simulate(STAND, plant=plant, driver="fused")
+
+
+def test_sweeps_fly_it_by_python_and_margins_by_its_twin():
+    assert driver_of("dc-pid", None, plants=["mujoco"]) == "python"
+    plan = prepare(load_scenario("peg-in-hole"), "dc-pid")
+    chosen = replace(plan.simulation, plant_settings={"integrator": "euler", "feedback": "truth"})
+    hover = hover_of(replace(plan, simulation=chosen))
+    assert hover.simulation.plant == "servo" and hover.scenario.world_file is None
+    assert hover.simulation.plant_settings == {"feedback": "truth"}
+
+
+@pytest.mark.parametrize(
+    "simulation", [{"plant": "mujoco"}, SimulationSettings(plant="mujoco"), None]
+)
+def test_a_plant_that_was_chosen_is_not_the_scenarios(simulation):
+    plan = prepare(CARRY, simulation=simulation)
+    assert plan.simulation.plant == ("servo" if simulation is None else "mujoco")
 
 
 @pytest.mark.parametrize("plant", ["mujoco", "mujoco-prescribed"])
