@@ -1,12 +1,13 @@
-# `make run` flies, `make test` checks, `make bench` times, `make hostile` attacks for some hours.
-# `make test-all` checks with every Python that fullam is made for and that is on this machine.
-# Each makes what it needs in .venv, test-all in .venv-3.11 and so on.
+# `make run` flies, `make test` checks, `make docs` writes the book into out/docs, `make bench`
+# times, `make hostile` attacks for some hours, `make test-all` checks with every Python that fullam
+# is made for and that is on this machine. Each makes what it needs in .venv, test-all in .venv-3.11
+# and so on.
 PYTHON ?= python3
 PYTHONS := 3.11 3.12 3.13
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test test-all bench hostile clean
+.PHONY: run test test-all docs bench hostile clean
 
 run: $(VENV)/run.stamp
 	$(BIN)/fullam run task-2 --controller dc-pid --seed 0 --out out/task-2.npz --figure out/task-2.png
@@ -30,6 +31,9 @@ test-all:
 	echo "tested with Python:$${tested:- none}; failed:$${failed:- none}"; \
 	[ -n "$$tested" ] && [ -z "$$failed" ]
 
+docs: $(VENV)/docs.stamp
+	$(BIN)/python notebooks/book/build.py
+
 bench: $(VENV)/bench.stamp
 	$(BIN)/python -m pytest -q benchmarks
 
@@ -46,6 +50,10 @@ $(VENV)/run.stamp: $(BIN)/python pyproject.toml
 
 $(VENV)/test.stamp: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@
+
+$(VENV)/docs.stamp: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@
 
 $(VENV)/bench.stamp: $(BIN)/python pyproject.toml

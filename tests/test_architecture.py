@@ -27,7 +27,16 @@ ROOMS = [
 ]
 """From the ground up: a room imports itself and what stands before it."""
 
-TOP = {"__init__", "__main__", "cli", "interrupt", "paper", "paper_equations", "version"}
+TOP = {
+    "__init__",
+    "__main__",
+    "cli",
+    "interrupt",
+    "paper",
+    "paper_equations",
+    "paper_latex",
+    "version",
+}
 """Files above the rooms: the public names, the command line, the paper as data, the version."""
 
 WITNESSES = {"newton_euler", "kinematics", "matrix_system", "paper_model"}
