@@ -28,7 +28,7 @@ from fullam.simulation import fused
 from fullam.simulation.block import Block
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.many import fly_blocks
-from fullam.simulation.plant_settings import IN_KERNELS
+from fullam.simulation.plant_settings import IN_KERNELS, in_kernels
 from fullam.simulation.run import Run
 from fullam.simulation.simulate import DRIVERS, fly_by_python
 
@@ -151,7 +151,7 @@ def judge_of(plan: FlightPlan) -> Judge:
     """
     initial_pose = np.array(plan.scenario.initial_pose)
     tool = None
-    if plan.simulation.plant == "prescribed":
+    if in_kernels(plan.simulation.plant, {})[0] == "prescribed":
         arm = plan.arm.theta[plan.arm_row(1) * np.arange(len(plan.t))]
         tool = AskedTool.of(plan.scenario, plan.nominal, plan.t, arm)
     return Judge(

@@ -71,6 +71,12 @@ def test_prescribed_joints_fly_as_in_our_plant(task):
     np.testing.assert_array_equal(flown.arm, task.arm)
 
 
+def test_what_is_left_is_our_midpoint_rules_own_error():
+    ours = simulate(TASK, driver="fused", simulation={"integrator": "rk4"})
+    distance, _ = apart(ours, prescribed("rk4"))
+    assert distance < 0.25 * RK4  # 2.5e-7 over the whole of task-2
+
+
 def test_an_integrator_of_first_order_is_nearer_by_half_with_half_the_step(task):
     coarse, _ = apart(task, prescribed("implicitfast"))
     fine, _ = apart(task, prescribed("implicitfast", 0.0005))
