@@ -31,6 +31,9 @@ from fullam.simulation.scenario import (
     register_scenario,
     scenario_names,
 )
+from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool_weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
@@ -95,10 +98,12 @@ __all__ = [
     "Allocator",
     "ArmTable",
     "Circle",
+    "CirclePath",
     "Controller",
     "FullamError",
     "HoldArm",
     "JointTrajectory",
+    "LinePath",
     "Metrics",
     "ReferenceTable",
     "Rotors",
@@ -107,7 +112,10 @@ __all__ = [
     "Shaping",
     "SimulationSettings",
     "SineRate",
+    "SquarePath",
     "Step",
+    "ToolTask",
+    "ToolWeights",
     "Trajectory",
     "Vehicle",
     "VehicleDesign",

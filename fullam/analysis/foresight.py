@@ -15,6 +15,7 @@ from fullam.model.joints import ArmJoints
 from fullam.model.vehicle import Vehicle
 from fullam.simulation import arm_motion, references
 from fullam.simulation.scenario import Scenario
+from fullam.simulation.tool_solution import with_tool_solved
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,7 @@ def reach_warning(scenario: Scenario, vehicle: Vehicle) -> OutOfReach | None:
     """
     t = np.linspace(0.0, scenario.duration, SAMPLES)
     joints = vehicle.joints
+    scenario = with_tool_solved(scenario, vehicle)
     start = scenario.initial_arm(vehicle)
     arm = arm_motion.tabulate(scenario.arm_motion, t, start, joints).theta
     pose = references.tabulate(scenario.reference, t, scenario.initial_pose).pose

@@ -26,7 +26,9 @@ from fullam.analysis.figure_records import (
 from fullam.analysis.figures import FigureProgram
 from fullam.analysis.high_pass import sections
 from fullam.analysis.response import JITTER_FREQUENCY, Path, path_numbers, rows_inside, window
+from fullam.analysis.tool_error import AskedTool
 from fullam.numbers.records import Rows, columns
+from fullam.simulation.flown import Flown
 from fullam.simulation.scenario import AXES
 
 Array = NDArray[np.float64]
@@ -52,7 +54,7 @@ FIGURES = (
     *(f"{name}_{figure}" for name in AXES for figure in columns(AxisFigures)),
     *columns(FlightFigures),
     *(f"{name}_step" for name in AXES),
-    *("duration_s", "settled", "diverged"),
+    *("duration_s", "settled", "diverged", "tool_rms_mm"),
 )
 """Names of the numbers of a flight, in order: those of an axis begin with its name."""
 
@@ -98,16 +100,19 @@ class Judge:
         controlled: Axes that the scenario controls, shape (6,).
         floors: Narrowest settling bands [mm, deg]; None reads everything raw.
         weight: Of the nominal vehicle [N].
+        tool: What is asked of the tool, if anything is.
     """
 
     asked: AskedMotion
     controlled: Flags
     floors: tuple[float, float] | None
     weight: float
+    tool: AskedTool | None = None
 
     def until(self, rows: int) -> Judge:
         """The judge of flights that end after so many rows."""
-        return Judge(self.asked.until(rows), self.controlled, self.floors, self.weight)
+        tool = self.tool and self.tool.until(rows)
+        return Judge(self.asked.until(rows), self.controlled, self.floors, self.weight, tool)
 
     def over(self, track: Rows) -> TrackJudge:
         """The judge of what is written to a track, for one thread."""
@@ -204,3 +209,7 @@ class TrackJudge:
         step = COLUMN[f"{AXES[0]}_step"]
         figures.numbers[flights, step : step + 6] = judge.asked.step
         figures["duration_s"][flights] = judge.asked.t[-1]
+        if judge.tool is not None:
+            poses = self._track.array[:rows, columns(Flown)["pose"]].reshape(rows, 7, -1)
+            for k in flights:
+                figures["tool_rms_mm"][k] = judge.tool.rms_mm(poses[..., k])

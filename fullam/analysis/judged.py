@@ -16,6 +16,7 @@ from fullam.analysis.asked_motion import AskedMotion
 from fullam.analysis.deviation import coordinates, track_of
 from fullam.analysis.judge import Figures, Judge
 from fullam.analysis.metrics import noise_floors
+from fullam.analysis.tool_error import AskedTool
 from fullam.control.controllers import controller_class
 from fullam.control.estimator import flies_as_kernel
 from fullam.control.estimators import estimator_class
@@ -131,11 +132,13 @@ def fly_judged(
 def judge_of(plan: FlightPlan) -> Judge:
     """How the flights of a plan are judged."""
     initial_pose = np.array(plan.scenario.initial_pose)
+    arm = plan.arm.theta[plan.arm_row(1) * np.arange(len(plan.t))]
     return Judge(
         AskedMotion.of(plan.t, plan.asked.pose, initial_pose),
         np.array(plan.scenario.axes_mask),
         noise_floors(plan.weather),
         plan.nominal.mass * plan.nominal.gravity,
+        AskedTool.of(plan.scenario, plan.nominal, plan.t, arm),
     )
 
 

@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from fullam.analysis.asked_motion import AskedMotion
 from fullam.analysis.deviation import track_of
 from fullam.analysis.judge import COLUMN, NOISE_SIGMAS, Figures, Judge
+from fullam.analysis.tool_error import AskedTool
 from fullam.simulation.scenario import AXES
 
 if TYPE_CHECKING:
@@ -129,6 +130,8 @@ class Metrics:
         saturated_share: Share of all ticks in which the allocation met a bound, 0 to 1.
         effort: Mean sum of the rotor thrusts over the weight of the nominal vehicle.
         duration_s: Length of the record.
+        tool_rms_mm: RMS distance of the tool from the path that the scenario gives it, as long as
+            that lasts; None if it gives none.
         axes: Figures of each controlled axis.
     """
 
@@ -151,6 +154,7 @@ class Metrics:
     saturated_share: float
     effort: float
     duration_s: float
+    tool_rms_mm: float | None
     axes: dict[str, AxisMetrics]
 
     def to_dict(self) -> dict[str, Any]:
@@ -186,7 +190,8 @@ def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
     vehicle = vehicle or run.vehicle
     asked = AskedMotion.of(run.t, run.reference_pose, run.pose[0])
     weight = vehicle.mass * vehicle.gravity
-    judge = Judge(asked, controlled, noise_floors(run.weather), weight)
+    tool = AskedTool.of(run.scenario, vehicle, run.t, run.arm)
+    judge = Judge(asked, controlled, noise_floors(run.weather), weight, tool)
     thrust = np.square(run.rotor_speeds) @ vehicle.rotors.k_f
     track = track_of(run.pose, run.saturated, thrust)
     return metrics_of(judge.over(track).figures([len(run)], [run.diverged]))[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli import options
@@ -47,6 +48,7 @@ FLIGHT_ROWS = (
     ("jitter above 2 Hz, attitude", "jitter_attitude_deg", "deg", 3),
     ("saturated ticks", "saturated_share", "%", 1),
     ("thrust sum over weight", "effort", "", 3),
+    ("RMS of the tool from its path", "tool_rms_mm", "mm", 2),
 )
 """Rows of a table of flights: text, field of `Metrics`, unit, digits."""
 
@@ -141,7 +143,7 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
         header = ["", "unit", *arguments.controllers]
         rows = [
             [text, unit, *(cell(metrics, field, digits) for _, metrics in flights)]
-            for text, field, unit, digits in FLIGHT_ROWS
+            for text, field, unit, digits in flight_rows([metrics for _, metrics in flights])
         ]
         say(f"{heading(runs[0])}\n\n{table(rows, header, left=2)}")
         for kind, path in files.items():
@@ -257,9 +259,18 @@ def axes_table(metrics: Metrics) -> str:
     return table(rows, header)
 
 
+def flight_rows(flights: Sequence[Metrics]) -> list[tuple[str, str, str, int]]:
+    """`FLIGHT_ROWS`, the tool's only where one has a task."""
+    has_tool = any(metrics.tool_rms_mm is not None for metrics in flights)
+    return [row for row in FLIGHT_ROWS if has_tool or row[1] != "tool_rms_mm"]
+
+
 def summary(metrics: Metrics) -> str:
     """One flight as a whole, one figure a line."""
-    rows = [(text, cell(metrics, field, digits), unit) for text, field, unit, digits in FLIGHT_ROWS]
+    rows = [
+        (text, cell(metrics, field, digits), unit)
+        for text, field, unit, digits in flight_rows([metrics])
+    ]
     width = max(len(value) for _, value, _ in rows)
     return table([(text, value.rjust(width), unit) for text, value, unit in rows], left=3)
 

@@ -15,6 +15,7 @@ from fullam.checks import Checker, Range, shown, within
 from fullam.exceptions import ScenarioError
 from fullam.model.joints import ArmJoints
 from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.motion_rows import ArmRows
 from fullam.simulation.reference_table import name_of
@@ -169,7 +170,9 @@ def tabulate(motion: Any, t: Array, initial: Array, joints: ArmJoints) -> ArmTab
     return ArmTable(*(np.asarray(getattr(table, field), float) for field in PARTS))
 
 
-KINDS: dict[str, Any] = {c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmRows)} | {
+KINDS: dict[str, Any] = {
+    c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmRows, FollowsTool)
+} | {
     "minimum-snap": JointTrajectory.minimum_snap,
     "b-spline": JointTrajectory.b_spline,
 }

@@ -8,6 +8,8 @@ from fullam.model.perturbation import Uncertainty
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario, register_scenario
+from fullam.simulation.tool_paths import CirclePath
+from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import PAPER
 
 CONFIGURATIONS = {
@@ -114,5 +116,16 @@ register_scenario(
             moment_disturbance=0.1,
             uncertainty=Uncertainty(share=0.02),
         ),
+    )
+)
+
+register_scenario(
+    Scenario(
+        name="draw-circle",
+        description="The tool draws a circle of 0.15 m radius in 8 s on an upright plane",
+        initial_position=(0.0, 0.0, 2.0),
+        initial_arm_deg=TASK_ARM_DEG,
+        tool=ToolTask(CirclePath(radius=0.15, normal=(1.0, 0.0, 0.0), duration=8.0), at=1.0),
+        duration=10.0,
     )
 )

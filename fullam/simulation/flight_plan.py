@@ -29,6 +29,7 @@ from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.trimmed import trim_of, trim_reference
+from fullam.simulation.tool_solution import with_tool_solved
 from fullam.simulation.weather import Forecast, Weather, forecast
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ class FlightPlan:
     """All that a flight is made of, fixed before it starts.
 
     Attributes:
-        scenario: The experiment, motions of one's own as rows.
+        scenario: The experiment, motions of one's own as rows and a tool's task solved.
         nominal: The vehicle as the controller knows it.
         controller: Name of the controller.
         settings: Its settings.
@@ -100,6 +101,7 @@ class FlightPlan:
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
         scenario.check_plant(simulation.plant)
+        scenario = with_tool_solved(scenario, vehicle)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period

@@ -49,8 +49,8 @@ class JointTrajectory:
         positions_deg: One row a time, a number a joint [deg, or m of a prismatic joint].
         joints: Names of the joints, as the URDF has them or "joint_N" for the N-th; empty: all of
             the arm, base to tip.
-        velocities_deg: One row a time [deg/s or m/s], which they then have; empty: what the spline
-            gives.
+        velocities_deg: One row a time [deg/s or m/s], which they then have, as piecewise quintics
+            whatever `degree` and `ends`; empty: what the spline gives.
         units: "deg" or "m" for each joint, to be compared with the arm that flies; empty: what it
             has.
         degree: Of the spline, 3, 5 or 7; its derivatives are continuous but for the last.
@@ -74,6 +74,8 @@ class JointTrajectory:
         rows = listed("positions_deg", self.positions_deg, CHECK)
         is_nested = isinstance(rows, list | tuple) and rows and isinstance(rows[0], list | tuple)
         width = len(rows[0]) if is_nested else 1
+        if not width:
+            raise CHECK.refuse("positions_deg", "has no joint", "give a column for each that moves")
         shape = len(self.times), width
         self._set("positions_deg", tuples(rows_of("positions_deg", rows, shape, FAR, CHECK)))
         rates: Any = ()

@@ -34,11 +34,20 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """
     values = dict(data)
     for entry, (what, read) in READERS.items():
-        table = values.get(entry)
-        if isinstance(table, Mapping) and table.get("kind") == "csv":
-            given = dict(table)
-            if "path" in given:
-                check = Checker(f"{what} 'csv'", ScenarioError)
-                given["path"] = str(folder / check.text("path", given["path"]))
-            values[entry] = from_dict({"csv": read}, what, given)
+        values |= {entry: _read(values[entry], what, read, folder)} if entry in values else {}
+    tool = values.get("tool")
+    if isinstance(tool, Mapping) and "path" in tool:
+        path = _read(tool["path"], "tool path", Trajectory.from_csv, folder)
+        values["tool"] = {**tool, "path": path}
     return values
+
+
+def _read(table: Any, what: str, read: Any, folder: Path) -> Any:
+    """The motion of a table that names a CSV file; any other table as it is."""
+    if not isinstance(table, Mapping) or table.get("kind") != "csv":
+        return table
+    given = dict(table)
+    if "path" in given:
+        check = Checker(f"{what} 'csv'", ScenarioError)
+        given["path"] = str(folder / check.text("path", given["path"]))
+    return from_dict({"csv": read}, what, given)

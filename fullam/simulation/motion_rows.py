@@ -24,7 +24,7 @@ from fullam.simulation.reference_table import WIDTHS, ReferenceTable
 Array = NDArray[np.float64]
 
 MOST_PACKED = 24 << 20
-"""Most characters of packed rows: about eight minutes of an arm of four joints."""
+"""Most characters of packed rows: three minutes or so of an arm of four joints, all in motion."""
 
 MOST_UNPACKED = 512 << 20
 """Most bytes of rows that a record may unpack to."""
@@ -145,5 +145,7 @@ class ArmRows(_Rows):
 
     def tabulate(self, t: Array, initial: Array) -> ArmTable:
         """The motion on the grid t [s]; it begins where its first row says."""
+        if not initial.size:
+            return ArmTable(*np.zeros((3, t.size, 0)))
         rows = self._at(unpack(self.packed, 3 * initial.size, self._check), t)
         return ArmTable(*np.split(rows, 3, axis=1))

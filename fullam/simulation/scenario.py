@@ -17,6 +17,7 @@ from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
 from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.motion_files import with_files_read
 from fullam.simulation.motion_rows import ArmRows, ReferenceRows
@@ -24,11 +25,15 @@ from fullam.simulation.payload import Payload
 from fullam.simulation.reference_table import Reference, ReferenceTable, name_of
 from fullam.simulation.references import Step
 from fullam.simulation.shaping import SHAPED, Shaping
+from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 from fullam.simulation.world import Surface, surface
 
 Array = NDArray[np.float64]
+
+HOVER: Reference = Step((0.0, 0.0, 1.0))
+"""Where the platform should be if nothing is said about it."""
 
 LONGEST = 1e4
 """Longest flight [s]: at 1 kHz its tables take about a gigabyte."""
@@ -59,22 +64,25 @@ class Scenario:
         shaping: How the reference is blended and anticipated before the law sees it.
         world: What the tool may touch.
         payloads: What the tool picks up.
+        tool: What the tool should do. Where `reference` is left out, the motions of platform and
+            arm follow from it; else the tool is only measured against it.
     """
 
     name: str
-    reference: Reference = field(default_factory=lambda: Step((0.0, 0.0, 1.0)))
+    reference: Reference = HOVER
     description: str = ""
     vehicle: str = "fullam"
     initial_position: tuple[float, float, float] = (0.0, 0.0, 1.0)
     initial_euler_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     initial_arm_deg: tuple[float, ...] = ()
-    arm_motion: ArmMotion = field(default_factory=HoldArm)
+    arm_motion: ArmMotion | JointTrajectory = field(default_factory=HoldArm)
     duration: float = 6.0
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
     world: tuple[Surface, ...] = ()
     payloads: tuple[Payload, ...] = ()
+    tool: ToolTask | None = None
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -94,6 +102,7 @@ class Scenario:
             object.__setattr__(self, name, check.vector(name, getattr(self, name), size, numbers))
         duration = check.number("duration", self.duration, positive(LONGEST, "s"))
         object.__setattr__(self, "duration", duration)
+        self._follow_tool(check)
         for name in ("reference", "arm_motion"):  # a user may bring a class of another kind
             value = getattr(self, name)
             if isinstance(value, type) or not callable(getattr(value, "tabulate", None)):
@@ -114,6 +123,21 @@ class Scenario:
         if not axes or set(axes) - set(AXES):
             raise check.refuse("axes", f"is {shown(tuple(axes))}", f"choose from {', '.join(AXES)}")
         object.__setattr__(self, "axes", tuple(a for a in AXES if a in axes))
+
+    def _follow_tool(self, check: Checker) -> None:
+        """Have both motions follow from the tool's, unless the reference is given."""
+        if self.tool is not None:
+            check.instance("tool", self.tool, ToolTask)
+            if self.reference is HOVER:
+                if not isinstance(self.arm_motion, HoldArm | FollowsTool):
+                    problem = "is given, and follows from the tool's path"
+                    raise check.refuse("arm_motion", problem, "leave it out, or give a reference")
+                for name in ("reference", "arm_motion"):
+                    object.__setattr__(self, name, FollowsTool())
+        followers = [isinstance(m, FollowsTool) for m in (self.reference, self.arm_motion)]
+        if any(followers) and not (all(followers) and self.tool is not None):
+            problem = "follows a tool that has no task, or alone"
+            raise check.refuse("reference", problem, "give tool, and leave both motions out")
 
     @property
     def axes_mask(self) -> tuple[bool, ...]:
@@ -212,6 +236,10 @@ class Scenario:
         data["shaping"] = self.shaping.to_dict()
         for name in ("world", "payloads"):
             data[name] = [thing.to_dict() for thing in getattr(self, name)]
+        if self.tool is None:
+            del data["tool"]
+        else:
+            data["tool"] = self.tool.to_dict()
         return data
 
     @classmethod
@@ -248,6 +276,8 @@ class Scenario:
         for name, read in (("world", surface), ("payloads", Payload.from_dict)):
             if isinstance(values.get(name), list | tuple):
                 values[name] = tuple(read(table) for table in values[name])
+        if values.get("tool") is not None:
+            values["tool"] = ToolTask.from_dict(values["tool"])
         return values
 
 

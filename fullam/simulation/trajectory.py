@@ -65,7 +65,8 @@ class Trajectory:
         times: When it is where [s], ascending, at least two.
         positions: One position a time [m].
         quaternions: One attitude a time, unit quaternions xyzw; empty: level all the way.
-        velocities: One velocity a time [m/s], which it then has; empty: what the spline gives.
+        velocities: One velocity a time [m/s], which the positions then have, as piecewise quintics
+            whatever `degree` and `ends`; empty: what the spline gives.
         degree: Of the spline, 3, 5 or 7; its derivatives are continuous but for the last.
         ends: "rest" if it begins and ends at rest, "free" if the data say how.
         at: Time of the flight at which it starts [s].

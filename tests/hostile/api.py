@@ -32,6 +32,9 @@ from fullam.simulation.scenario import Scenario, load_scenario, register_scenari
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.shaping import Shaping
 from fullam.simulation.simulate import simulate
+from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool_weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 
 WRONG: tuple[Any, ...] = (
@@ -78,6 +81,22 @@ def smooth_motions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     ]
 
 
+def tool_tasks() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
+    """What a tool may be told."""
+    normal, weights = (1.0, 0.0, 0.0), ToolWeights().to_dict()
+    task = {"attitude": "fixed", "euler_deg": (0, 0, 9), "priority": "strict", "at": 0.5}
+    data = ToolTask(CirclePath(0.1)).to_dict()
+    return [
+        (LinePath, {"to": normal, "duration": 4.0}),
+        (CirclePath, {"radius": 0.1, "normal": normal, "duration": 4.0, "rounds": 2.0}),
+        (SquarePath, {"side": 0.1, "normal": normal, "duration": 4.0}),
+        (ToolWeights, weights),
+        (ToolTask, {"path": CirclePath(0.1), **task, "weights": ToolWeights()}),
+        (ToolTask, {"path": CirclePath(0.1), "max_speed": 1.0, "max_turn_deg": 9.0}),
+        (ToolTask.from_dict, {"data": data}),
+    ]
+
+
 def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     """Functions and classes with arguments that are right."""
     vehicle, rng = load_vehicle("fullam"), np.random.default_rng(0)
@@ -121,6 +140,7 @@ def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (Scenario.from_dict, {"data": scenario.to_dict()}),
         (load_scenario, {"name_or_path": "task-1"}),
         (register_scenario, {"scenario": scenario}),
+        *tool_tasks(),
         (Weather, {f: getattr(paper, f) for f in Weather.__dataclass_fields__}),
         (Weather.from_dict, {"data": paper.to_dict()}),
         (weather, {"name": "paper"}),

@@ -232,6 +232,11 @@ def test_several_joints_move_as_their_derivatives_say(joints):
     np.testing.assert_allclose(np.degrees(passed.theta), [*rows, rows[-1]], atol=1e-9)
 
 
+def test_a_motion_of_no_joints_is_refused():
+    with pytest.raises(ScenarioError, match="positions_deg: has no joint"):
+        JointTrajectory((0.0, 1.0), ((), ()))
+
+
 def test_joints_are_named_and_others_stay(joints):
     made = JointTrajectory.b_spline([[0.0], [30.0]], speed_deg=20.0, joints=("joint_2",))
     initial = joints.from_typed([-90, 0, -45, 0])
