@@ -38,7 +38,10 @@ from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
 if TYPE_CHECKING:
+    from fullam.analysis.calibration import calibrate
+    from fullam.analysis.calibration_flight import excitation_flight
     from fullam.analysis.diagnosis import diagnose
+    from fullam.analysis.external_wrench import WrenchSettings, external_wrench
     from fullam.analysis.margins import loop_margins
     from fullam.analysis.metrics import Metrics, measure
     from fullam.control.allocation import Allocation, Allocator
@@ -57,6 +60,9 @@ if TYPE_CHECKING:
     from fullam.viz.viewer.widgets import explore
 
 LATER = {
+    "fullam.analysis.calibration": ("calibrate",),
+    "fullam.analysis.calibration_flight": ("excitation_flight",),
+    "fullam.analysis.external_wrench": ("WrenchSettings", "external_wrench"),
     "fullam.analysis.diagnosis": ("diagnose",),
     "fullam.analysis.margins": ("loop_margins",),
     "fullam.analysis.metrics": ("Metrics", "measure"),
@@ -121,12 +127,16 @@ __all__ = [
     "VehicleDesign",
     "Waypoints",
     "Weather",
+    "WrenchSettings",
     "__version__",
+    "calibrate",
     "controller_names",
     "design_vehicle",
     "diagnose",
     "estimator_names",
+    "excitation_flight",
     "explore",
+    "external_wrench",
     "fly",
     "fly_many",
     "load_scenario",

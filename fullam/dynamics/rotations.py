@@ -119,6 +119,36 @@ def euler_rates(euler_xyz: Array, w_W: Array) -> Array:
     return np.stack([dphi, dpsi, dgamma], axis=-1)
 
 
+def angular_motion(euler_xyz: Array, rates: Array, accelerations: Array) -> tuple[Array, Array]:
+    """Angular velocity and acceleration of a motion given in x-y-z Euler angles, world axes.
+
+    With the axes e_x, a = Rx e_y and b = Rx Ry e_z of the three turns of eq. (2),
+
+        w = phi' e_x + psi' a + gamma' b,
+        dw = phi'' e_x + psi'' a + gamma'' b
+             + psi' (phi' e_x x a) + gamma' ((phi' e_x + psi' a) x b).
+
+    Args:
+        euler_xyz: (phi, psi, gamma), shape (N, 3) [rad].
+        rates: Their derivatives, shape (N, 3) [rad/s].
+        accelerations: Their second derivatives, shape (N, 3) [rad/s^2].
+
+    Returns:
+        w [rad/s] and dw [rad/s^2], each of shape (N, 3).
+    """
+    (phi, psi, _), zero = euler_xyz.T, np.zeros(len(euler_xyz))
+    x = np.stack([zero + 1.0, zero, zero], axis=-1)
+    a = np.stack([zero, np.cos(phi), np.sin(phi)], axis=-1)
+    b = np.stack([np.sin(psi), -np.sin(phi) * np.cos(psi), np.cos(phi) * np.cos(psi)], axis=-1)
+    first, second, third = (rates[:, i, None] for i in range(3))
+    turn_a = np.cross(first * x, a)
+    turn_b = np.cross(first * x + second * a, b)
+    w = first * x + second * a + third * b
+    dw = accelerations[:, 0, None] * x + accelerations[:, 1, None] * a
+    dw += accelerations[:, 2, None] * b + second * turn_a + third * turn_b
+    return w, dw
+
+
 def world_inertia(R: Array, inertia: Array) -> Array:
     """Inertia tensor turned to world axes, R I R^T, eq. (14) and the first line of eq. (25).
 

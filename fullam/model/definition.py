@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 TOP_KEYS = (
     "name", "description", "urdf", "platform", "arm", "tool", "held", "mass", "gravity", "physics",
-    "rotor_defaults", "rotor", "servo", "design",
+    "rotor_defaults", "rotor", "servo", "body", "design",
 )  # fmt: skip
 ARM_KEYS = ("joints", "urdf", "mount", "prefix")
 ROTOR_NUMBERS = ("k_f", "k_tau", "max_speed", "lag")

@@ -16,6 +16,7 @@ from fullam.checks import positive, shown
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.articulation import articulate, build_model
+from fullam.model.bodies import replace_bodies
 from fullam.model.joints import ArmJoints
 from fullam.model.physics import (
     check_bodies,
@@ -121,6 +122,7 @@ class Vehicle:
             remarks.append('masses and inertias are not checked: physics = "trust"')
         else:
             remarks += check_bodies(model, robot, urdf_place)
+        replace_bodies(definition, model, where)
         read.frame_id(model, tool, where, "tool")
         if "mass" in definition:
             declared = read.number(definition["mass"], where, "mass")

@@ -15,6 +15,7 @@ from fullam.checks import Checker, Range, shown, within
 from fullam.exceptions import ScenarioError
 from fullam.model.joints import ArmJoints
 from fullam.simulation.arm_table import ArmTable
+from fullam.simulation.excitation import ArmExcitation
 from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.motion_rows import ArmRows
@@ -171,7 +172,7 @@ def tabulate(motion: Any, t: Array, initial: Array, joints: ArmJoints) -> ArmTab
 
 
 KINDS: dict[str, Any] = {
-    c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmRows, FollowsTool)
+    c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmRows, FollowsTool, ArmExcitation)
 } | {
     "minimum-snap": JointTrajectory.minimum_snap,
     "b-spline": JointTrajectory.b_spline,

@@ -28,8 +28,8 @@ from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.tool_solution import with_tool_solved
+from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.weather import Forecast, Weather, forecast
 
 Array = NDArray[np.float64]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fullam.checks import Checker, Range, from_zero, positive, shown, within
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import ScenarioError, UnknownName
+from fullam.simulation.excitation import Excitation
 from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.motion_rows import ReferenceRows
 from fullam.simulation.reference_table import Reference, ReferenceTable, name_of, tabulate
@@ -178,7 +179,7 @@ class Circle:
 
 
 KINDS: dict[str, Any] = {
-    c.kind: c for c in (Step, Waypoints, Circle, Trajectory, ReferenceRows, FollowsTool)
+    c.kind: c for c in (Step, Waypoints, Circle, Trajectory, ReferenceRows, FollowsTool, Excitation)
 } | {"minimum-snap": Trajectory.minimum_snap, "b-spline": Trajectory.b_spline}
 """What a scenario's table may name, and what makes a reference of its other entries."""
 
