@@ -185,6 +185,5 @@ def _dashes(path: str, points: Array, radius: float) -> list[Shape]:
     at = np.linspace(0.0, length[-1], 2 * DASHES)
     ends = np.stack([np.interp(at, length, column) for column in points.T], axis=1)
     look = {"colour": TASK, "opacity": DRAWN}
-    return [
-        shapes.rod(f"{path}/{k}", *ends[2 * k : 2 * k + 2], radius) | look for k in range(DASHES)
-    ]
+    pairs = ends.reshape(DASHES, 2, 3)
+    return [shapes.rod(f"{path}/{k}", a, b, radius) | look for k, (a, b) in enumerate(pairs)]
