@@ -15,6 +15,7 @@ CASES = [
     ("dc-pid", "first-order", 0),
     ("dc-pid", "first-order", 8),
     ("dc-pid-plus", "kalman", 8),
+    ("dc-pid-plus", "kalman-bias", 8),
 ]
 
 

@@ -65,6 +65,7 @@ def plan(
     weather: Weather | None = None,
     integrator: str = "midpoint",
     hover: bool = False,
+    plant: str = "prescribed",
 ) -> FlightPlan:
     """Once round a level circle of 1 m in 8 s while the arm's last joint but one swings.
 
@@ -78,6 +79,7 @@ def plan(
         weather: The paper's if None, as far as the vehicle can bear it.
         integrator: Name of the plant's integrator.
         hover: Hover on the spot.
+        plant: Name of the plant.
     """
     if isinstance(vehicle, str):
         vehicle = load_vehicle(vehicle)
@@ -94,7 +96,7 @@ def plan(
         weather=weather or WEATHERS.get(vehicle.name, PAPER),
         **(swing if vehicle.n_arm else {}),
     )
-    simulation = replace(KILOHERTZ, estimator=estimator, integrator=integrator)
+    simulation = replace(KILOHERTZ, estimator=estimator, integrator=integrator, plant=plant)
     return prepare(scenario, law, vehicle=vehicle, simulation=simulation)
 
 

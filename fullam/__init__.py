@@ -20,6 +20,7 @@ import fullam.simulation.interaction  # noqa: F401 - and those that touch things
 from fullam.exceptions import FullamError
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import load_plugin
 from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
 from fullam.simulation.arm_table import ArmTable
 from fullam.simulation.reference_table import ReferenceTable
@@ -46,8 +47,15 @@ if TYPE_CHECKING:
     from fullam.analysis.metrics import Metrics, measure
     from fullam.control.allocation import Allocation, Allocator
     from fullam.control.controller import Controller
-    from fullam.control.controllers import controller_names, make_controller, register
-    from fullam.control.estimators import estimator_names
+    from fullam.control.controllers import (
+        controller_names,
+        load_settings,
+        make_controller,
+        register,
+    )
+    from fullam.control.estimator import Estimator
+    from fullam.control.estimators import estimator_names, register_estimator
+    from fullam.control.tunable import tunable
     from fullam.model.design import VehicleDesign, design_vehicle
     from fullam.model.rotors import Rotors
     from fullam.simulation.many import fly_many
@@ -68,8 +76,12 @@ LATER = {
     "fullam.analysis.metrics": ("Metrics", "measure"),
     "fullam.control.allocation": ("Allocation", "Allocator"),
     "fullam.control.controller": ("Controller",),
-    "fullam.control.controllers": ("controller_names", "make_controller", "register"),
-    "fullam.control.estimators": ("estimator_names",),
+    "fullam.control.controllers": (
+        *("controller_names", "load_settings", "make_controller", "register"),
+    ),
+    "fullam.control.estimator": ("Estimator",),
+    "fullam.control.estimators": ("estimator_names", "register_estimator"),
+    "fullam.control.tunable": ("tunable",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
     "fullam.model.rotors": ("Rotors",),
     "fullam.simulation.many": ("fly_many",),
@@ -106,6 +118,7 @@ __all__ = [
     "Circle",
     "CirclePath",
     "Controller",
+    "Estimator",
     "FullamError",
     "HoldArm",
     "JointTrajectory",
@@ -139,7 +152,9 @@ __all__ = [
     "external_wrench",
     "fly",
     "fly_many",
+    "load_plugin",
     "load_scenario",
+    "load_settings",
     "load_vehicle",
     "loop_margins",
     "make_controller",
@@ -147,9 +162,11 @@ __all__ = [
     "prepare",
     "refly",
     "register",
+    "register_estimator",
     "register_scenario",
     "scenario_names",
     "simulate",
+    "tunable",
     "vehicle_names",
     "view",
     "weather",

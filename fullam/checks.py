@@ -217,7 +217,20 @@ class Checker:
             return cls(**values)
         except (TypeError, ValueError, OverflowError) as error:
             problem = f"is of the wrong type ({error})"
-            raise self.refuse("a setting", problem, f"see the defaults, {cls()}") from error
+            culprits = [name for name in values if _fails(cls, name, values[name])]
+            field = culprits[0] if culprits else "a setting"
+            raise self.refuse(field, problem, f"see the defaults, {cls()}") from error
+
+
+def _fails(cls: type[Any], name: str, value: Any) -> bool:
+    """Whether a class cannot be made with this one value."""
+    try:
+        cls(**{name: value})
+    except (TypeError, ValueError, OverflowError):
+        return True
+    except InvalidInput:
+        return False
+    return False
 
 
 def read_text(path: Path, check: Checker) -> str:

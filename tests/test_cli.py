@@ -399,3 +399,22 @@ def test_what_is_out_of_reach_is_told_before_take_off(fullam, tmp_path):
     assert "out of reach: at" in err
     assert "deg short" in err
     assert fullam("run", "task-2", "--calm")[2] == ""
+
+
+def test_another_plant_flies(fullam, tmp_path):
+    scenario, record = tmp_path / "short.toml", tmp_path / "run.npz"
+    scenario.write_text(SHORT)
+    choice = ("--plant", "servo", "--plant-set", "feedback=truth", "--calm", "--out", record)
+    fullam("run", scenario, *choice)
+    run = Run.load(record)
+    assert run.simulation.plant == "servo"
+    assert run.simulation.plant_settings == {"feedback": "truth"}
+    assert np.abs(run.arm_torque).max() > 0.01
+    for wrong, words in (
+        (("--plant", "elastic"), "prescribed, servo"),
+        (("--plant-set", "feedback=truth"), "plant 'prescribed'"),
+        (("--plant", "servo", "--plant-set", "feedback=9"), "twin"),
+    ):
+        code, _, err = fullam("run", scenario, *wrong)
+        assert code == USAGE
+        assert words in err

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from fullam.analysis.provenance import cached_vehicle
 from fullam.checks import Checker, shown
 from fullam.control.controllers import controller_class, recommended_estimator, register
 from fullam.control.estimators import estimator_class, register_estimator
-from fullam.exceptions import CampaignError
+from fullam.exceptions import CampaignError, FullamWarning
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import KERNELS, kernel
 from fullam.simulation.flight_plan import FlightPlan
@@ -86,6 +87,10 @@ class Campaign:
 
         Raises:
             FullamError: An unknown name, a scenario that does not fit its vehicle, ...
+
+        Warns:
+            FullamWarning: Settings from a file were tuned on other vehicles or with another
+                estimator.
         """
         check = Checker("campaign", CampaignError)
         for what in ("scenarios", "contenders", "seeds"):
@@ -129,11 +134,17 @@ class Campaign:
             c.label: driver_of(c.controller, c.estimator or usual, self.driver) for c in contenders
         }
         self._fix(drivers=drivers)
+        differences: dict[str, None] = {}
         for scenario, contender in itertools.product(scenarios, contenders):
-            self.plan(scenario, contender)
+            plan, file = self.plan(scenario, contender), contender.file
+            if file is not None:
+                found = file.differences(plan.nominal, plan.simulation.estimator)
+                differences |= dict.fromkeys(found)
         # Workers and rows get a motion of one's own as the rows that every plan of it has.
         flown = tuple(self.plan(scenario, contenders[0]).scenario for scenario in scenarios)
         self._fix(scenarios=flown)
+        for difference in differences:
+            warnings.warn(difference, FullamWarning, stacklevel=3)
 
     def _fix(self, **values: Any) -> None:
         """Set fields while this is being made."""
@@ -186,6 +197,15 @@ class Campaign:
             "versions": provenance.versions(),
             "code": provenance.code_digest(),
         }
+
+    def register_here(self) -> None:
+        """Make a user's own classes known to a worker that was sent this."""
+        for name, cls in self.registered.items():
+            kind, _, called = name.partition(" ")
+            (register if kind == "controller" else register_estimator)(called)(cls)
+        for function in self.kernels:
+            if function not in KERNELS:
+                kernel(function)
 
     @property
     def keys(self) -> list[Key]:
@@ -248,12 +268,7 @@ def fly_slice(campaign: Campaign, conditions: dict[str, Any], keys: list[Key]) -
     Raises:
         CampaignError: What would fly here is not what would fly there.
     """
-    for name, cls in campaign.registered.items():
-        kind, _, called = name.partition(" ")
-        (register if kind == "controller" else register_estimator)(called)(cls)
-    for function in campaign.kernels:
-        if function not in KERNELS:
-            kernel(function)
+    campaign.register_here()
     here = campaign.conditions()
     differing = sorted(k for k in conditions if conditions[k] != here[k])
     if differing:

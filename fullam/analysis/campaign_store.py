@@ -20,9 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from fullam.analysis.arrow import pa, pq
 from fullam.analysis.campaign_table import (
     SCHEMA,
     CampaignTable,
@@ -62,6 +60,19 @@ def open_store(
             yield store
         finally:
             store.flush()
+
+
+def _differing(one: Mapping[str, Any], other: Mapping[str, Any], depth: int = 2) -> list[str]:
+    """Names of the entries in which two identities differ, "registered (controller my-law)"."""
+    names = []
+    for name in sorted({*one, *other}):
+        a, b = one.get(name), other.get(name)
+        if a != b:
+            parts = []
+            if isinstance(a, Mapping) and isinstance(b, Mapping) and depth > 1:
+                parts = _differing(a, b, depth - 1)
+            names.append(f"{name} ({', '.join(parts)})" if parts else name)
+    return names
 
 
 class CampaignStore:
@@ -109,11 +120,7 @@ class CampaignStore:
             return
         held = read_campaign(path)
         if held.identity != self._identity:
-            differs = sorted(
-                k
-                for k in {*held.identity, *self._identity}
-                if held.identity.get(k) != self._identity.get(k)
-            )
+            differs = _differing(held.identity, self._identity)
             raise CampaignError(
                 str(path),
                 "rows",

@@ -15,19 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.analysis.arrow import pa, pq
 from fullam.analysis.judge import COLUMN
 from fullam.analysis.judged import Judged
 from fullam.analysis.metrics import AXIS_FIGURES, FLIGHT_FIGURES, UNITS, Metrics, axis_key
 from fullam.analysis.provenance import canonical_json
 from fullam.analysis.table_digest import table_digest
-from fullam.exceptions import CampaignError, MissingDependency
+from fullam.exceptions import CampaignError
 from fullam.simulation.scenario import AXES
-
-try:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-except ImportError as error:  # pragma: no cover - depends on the installation
-    raise MissingDependency("a campaign's result file", "pyarrow", "campaign") from error
 
 Array = NDArray[np.float64]
 Key = tuple[str, str, int]

@@ -13,6 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from fullam.analysis.luggage import equipped
 from fullam.analysis.worker_processes import MOST_JOBS, WorkerProcesses
 from fullam.exceptions import CampaignError, FullamWarning, MissingDependency
 
@@ -205,6 +206,7 @@ class SchedulerWorkers:
         """As in `Workers`."""
         import distributed
 
+        work = equipped(work)
         of: dict[str, tuple[int, Item]] = {}
 
         def submit(i: int, item: Item) -> Any:

@@ -1,8 +1,9 @@
 """Why a flight went wrong, from its record: what was in its way, and what to change.
 
-`diagnose` looks at the loop (margins, delay, a swing), at what was asked (tilt beyond what the
-vehicle holds), at the rotors (at their bounds, for how long, on which side), at the gusts (beyond
-the reserve of the rotors) and at the governor (tilt that it took back), and tells what it finds.
+`diagnose` looks at what was asked (tilt beyond what the vehicle holds), at the sensors (biased, and
+believed), at the loop (margins, delay, a swing), at the rotors (at their bounds, for how long, on
+which side), at the gusts (beyond the reserve of the rotors) and at the governor (tilt that it took
+back), and tells what it finds.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from fullam.analysis.foresight import reach_warning
 from fullam.analysis.margins import LoopMargins, flight_margins
 from fullam.analysis.metrics import measure
 from fullam.analysis.pushed import as_kernels
-from fullam.control.controllers import recommended_estimator
+from fullam.analysis.sensing import sensor_warning
+from fullam.control.controllers import recommended_estimator, suits
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.exceptions import FullamError
 from fullam.model.attainable.facets import facets_of
@@ -48,7 +50,7 @@ class Finding:
     """Something that was in a flight's way.
 
     Attributes:
-        kind: "margin", "estimator", "delay", "swing", "reach", "failure", "saturation",
+        kind: "sensors", "margin", "estimator", "delay", "swing", "reach", "failure", "saturation",
             "gusts", "governor", or "unsettled" where there is nothing else.
         what: What was found.
         remedy: What to change.
@@ -93,6 +95,18 @@ def _reach(run: Run, vehicle: Vehicle) -> list[Finding]:
     return [Finding("reach", f"the target is out of reach: {beyond}", remedy)]
 
 
+def _sensors(run: Run, vehicle: Vehicle) -> list[Finding]:
+    """Sensors that the estimator should not have believed."""
+    try:
+        warning = sensor_warning(run.weather, str(run.simulation.estimator))
+    except FullamError:
+        return []  # an estimator that is not registered here
+    if warning is None:
+        return []
+    what, _, remedy = warning.partition(": ")
+    return [Finding("sensors", what, remedy)]
+
+
 def _loop(run: Run, vehicle: Vehicle) -> list[Finding]:
     """A loop without a margin, and whether that is for the delay or the estimator."""
     try:
@@ -103,9 +117,9 @@ def _loop(run: Run, vehicle: Vehicle) -> list[Finding]:
     delay, own = plan.simulation.delay, recommended_estimator(run.controller)
     right = f"fly it with the estimator it is made for, {own}"
     if found is None or found.enough:
-        flown = plan.simulation.estimator
+        flown = str(plan.simulation.estimator)
         what = f"{run.controller} flew with the estimator {flown}"
-        return [] if flown == own else [Finding("estimator", what, right)]
+        return [] if suits(run.controller, flown) else [Finding("estimator", what, right)]
     if delay > 0.0 and not found.stable:
         prompt = _margins(replace(plan, simulation=replace(plan.simulation, delay=0.0)))
         if prompt is not None and prompt.delay is not None and prompt.enough:
@@ -118,7 +132,7 @@ def _loop(run: Run, vehicle: Vehicle) -> list[Finding]:
                 )
             ]
     remedy = "lower its gains, make rotors or control faster, or fly a law that knows the arm"
-    if found.estimator != own:
+    if not suits(run.controller, found.estimator):
         remedy = right
     what = f"{found.controller} with {found.estimator} has no margin on {vehicle.name}"
     return [Finding("margin", f"{what}: {found.worst}", remedy)]
@@ -239,7 +253,7 @@ def _unsettled(run: Run, vehicle: Vehicle) -> list[Finding]:
 
 
 LOOKS: tuple[Callable[[Run, Vehicle], list[Finding]], ...] = (
-    *(_reach, _loop, _swing, _saturation, _gusts, _governor),
+    *(_reach, _sensors, _loop, _swing, _saturation, _gusts, _governor),
 )
 """What is looked at, in the order of the findings."""
 

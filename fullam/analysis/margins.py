@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.analysis.pushed import Answers, answers, as_kernels, hover_of
-from fullam.control.controllers import recommended_estimator
+from fullam.analysis.sensing import sensor_warning
+from fullam.control.controllers import recommended_estimator, suits
 from fullam.exceptions import NonFiniteWrench
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.oscillation import NAMES
@@ -276,9 +277,14 @@ def margin_warning(plan: FlightPlan) -> str | None:
 
 
 def estimator_cost(plan: FlightPlan) -> str | None:
-    """What flying with another estimator than the law's own costs, in a line; None with its own."""
-    own = recommended_estimator(plan.controller)
-    if plan.simulation.estimator == own:
+    """What flying with another estimator than the law's own costs, in a line; None with its own.
+
+    Nor is it worth a word where the own one does not bear the sensors of this weather.
+    """
+    own, flown = recommended_estimator(plan.controller), str(plan.simulation.estimator)
+    if suits(plan.controller, flown):
+        return None
+    if sensor_warning(plan.weather, own) and not sensor_warning(plan.weather, flown):
         return None
     line = f"{plan.controller} is made for the estimator {own}"
     if not as_kernels(plan):

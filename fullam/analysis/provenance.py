@@ -78,7 +78,7 @@ def code_digest() -> str:
 
 def vehicle_digest(vehicle: Vehicle) -> str:
     """Digest of a vehicle's data: the same name may be another vehicle tomorrow."""
-    return short_digest(json.dumps(vehicle.to_data(), sort_keys=True, default=str).encode())
+    return vehicle.digest()
 
 
 def cached_vehicle(name: str) -> Vehicle:

@@ -100,8 +100,8 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
     """A flight's vehicle, law, estimator and sensors in level hover, its arm held, in still air.
 
     Without failed rotors it is level, with some in the attitude which the others hold best.
-    The pose and the inertial sensors keep their noise, which some laws listen to; parameters are
-    exact.
+    The pose and the inertial sensors keep their noise, which some laws listen to, and their biases;
+    no pose is missing or an outlier, and parameters are exact.
     """
     s, euler_deg = plan.scenario, (0.0, 0.0, 0.0)
     if plan.trim is not None:
@@ -119,6 +119,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         force_disturbance=0.0,
         moment_disturbance=0.0,
         uncertainty=Uncertainty(share=0.0),
+        sensors=plan.weather.sensors.without_lost_poses(),
     )
     simulation = replace(plan.simulation, governor=None)
     parts = scenario, plan.nominal, plan.controller, plan.settings, simulation, weather

@@ -9,7 +9,8 @@ hold goes to `data/superseded/`.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from fullam.analysis.claims import (
     Proof,
 )
 from fullam.analysis.cluster import Scheduler
-from fullam.analysis.contender import Contender
+from fullam.analysis.contender import Contender, with_files
 from fullam.analysis.evidence import (
     Finding,
     TiltProof,
@@ -39,7 +40,9 @@ from fullam.analysis.journal import open_journal
 from fullam.analysis.judged import FASTEST
 from fullam.analysis.recorded import Figures, Reading, Task
 from fullam.analysis.tuned_gains import contender_name, tuned_names
+from fullam.control.settings_file import SettingsFile
 from fullam.model.loading import load_vehicle
+from fullam.ownership import owner_of
 from fullam.simulation.catalogue import CONFIGURATIONS, TILT_EULER_DEG
 from fullam.simulation.scenario import load_scenario
 from fullam.simulation.weather import PAPER, Weather
@@ -88,6 +91,10 @@ itself speaks of noise and disturbance of 25 mm and 3 deg. So every claim is jud
 without."""
 
 
+TITLES = ("dc-PID", "Backstepping", "dc-PID+ with Kalman filter")
+"""Names of the paper's contenders in the report; others go by what was typed."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """A contender of the report.
@@ -103,17 +110,29 @@ class Entry:
     judged: bool
 
 
-def entries() -> tuple[Entry, ...]:
-    """dc-PID as in the paper, its rival, dc-PID+ with the Kalman filter; tuned where committed."""
+def entries(files: Sequence[SettingsFile] = (), own: Sequence[str] = ()) -> tuple[Entry, ...]:
+    """dc-PID as in the paper, its rival, dc-PID+ with the Kalman filter; tuned where committed.
+
+    Args:
+        files: Settings in the place of those.
+        own: More that are judged by the same claims, as in `Contender.parse`.
+
+    Raises:
+        CampaignError: Settings of a controller that does not take part.
+    """
 
     def contender(controller: str, estimator: str | None = None) -> Contender:
         tuned = contender_name(controller, estimator) in tuned_names()
         return Contender(controller, "tuned" if tuned else {}, estimator)
 
+    papers = contender("dc-pid"), contender(RIVAL), contender("dc-pid-plus", "kalman")
+    named = (*papers, *map(Contender.parse, own))
+    subject, rival, plus, *others = with_files(named, files)
     return (
-        Entry("dc-PID", contender("dc-pid"), True),
-        Entry("Backstepping", contender(RIVAL), False),
-        Entry("dc-PID+ with Kalman filter", contender("dc-pid-plus", "kalman"), True),
+        Entry(TITLES[0], subject, True),
+        Entry(TITLES[1], rival, False),
+        Entry(TITLES[2], plus, True),
+        *(Entry(name, contender, True) for name, contender in zip(own, others, strict=True)),
     )
 
 
@@ -172,6 +191,7 @@ def reproduce(
     jobs: int = 1,
     scheduler: Scheduler | str | None = None,
     driver: str = FASTEST,
+    contenders: tuple[Entry, ...] | None = None,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Fly and judge everything; keeps rows in `folder`/data.
@@ -183,6 +203,7 @@ def reproduce(
         jobs: Threads of this process.
         scheduler: A running dask scheduler, or its address.
         driver: Who flies, one of `DRIVERS` or `FASTEST`.
+        contenders: Who takes part; `entries()` if None.
         progress: Told what is being done.
 
     Raises:
@@ -190,7 +211,7 @@ def reproduce(
         MissingDependency: The extra "campaign" is not installed.
     """
     runs = QUICK_RUNS if quick else runs
-    contenders = entries()
+    contenders = entries() if contenders is None else contenders
     tell = progress or (lambda text, done, total: None)
     tables: dict[str, CampaignTable] = {}
     quadrotor: dict[str, CampaignTable] = {}
@@ -225,7 +246,7 @@ def reproduce(
     return Reproduction(
         runs,
         quick,
-        "fullam reproduce --quick" if quick else f"fullam reproduce --runs {runs}",
+        f"fullam reproduce {'--quick' if quick else f'--runs {runs}'}{_typed(contenders)}",
         contenders,
         tables,
         quadrotor,
@@ -239,6 +260,15 @@ def reproduce(
             Path(folder) / "data" / "recorded.journal", 2 if quick else RECORDED_SEEDS, tell
         ),
     )
+
+
+def _typed(contenders: tuple[Entry, ...]) -> str:
+    """What stands on a command line for files of settings and laws that are not the paper's."""
+    own = [entry.title for entry in contenders if entry.title not in TITLES]
+    plugins = [owner_of("controller", name.partition("@")[0]) for name in own]
+    files = dict.fromkeys(f" --plugin {plugin.name}" for plugin in plugins if plugin is not None)
+    named = f" --controllers {','.join(own)}" if own else ""
+    return "".join([named, *files, _options(contenders)])
 
 
 def rivals(contenders: tuple[Entry, ...]) -> dict[str, str]:
@@ -260,10 +290,19 @@ def command(claim: Claim, entry: Entry, condition: Condition, runs: int) -> str:
     name = contender_name(entry.contender.controller, entry.contender.estimator)
     names = f"{name},{RIVAL}" if rival else name
     tuned = " --tuned" if name in tuned_names() else ""
+    owner = owner_of("controller", entry.contender.controller)
+    plugin = f" --plugin {owner.name}" if owner else ""
     return (
-        f"fullam sweep {','.join(scenarios)} --controllers {names}{tuned} --runs {runs}"
-        f"{condition.option} --out {claim.key}.parquet"
+        f"fullam sweep {','.join(scenarios)} --controllers {names}{tuned}"
+        f"{_options((entry,))} --runs {runs}"
+        f"{condition.option} --out {claim.key}.parquet{plugin}"
     )
+
+
+def _options(contenders: tuple[Entry, ...]) -> str:
+    """What gives a command the files of settings that these fly with."""
+    files = [e.contender.file.path for e in contenders if e.contender.file is not None]
+    return "".join(f" --settings {shlex.quote(path)}" for path in files)
 
 
 def _data_file(folder: Path, name: str, campaign: Campaign) -> Path:

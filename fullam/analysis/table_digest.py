@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 
-import pyarrow as pa
+from fullam.analysis.arrow import pa
 
 
 def table_digest(rows: pa.Table, stamp: bytes) -> str:

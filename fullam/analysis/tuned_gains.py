@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from fullam.control.controllers import recommended_estimator
+from fullam.control.settings_file import read_settings
 from fullam.exceptions import UnknownName
 
 TUNED = Path(__file__).parent / "tuned"
@@ -34,4 +34,4 @@ def tuned_settings(controller: str, estimator: str | None = None) -> dict[str, A
     path = TUNED / f"{name}.toml"
     if not path.is_file():
         raise UnknownName("tuned controller", name, tuned_names())
-    return dict(tomllib.loads(path.read_text(encoding="utf-8"))["settings"])
+    return dict(read_settings(path))

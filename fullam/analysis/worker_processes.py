@@ -5,8 +5,9 @@ can reach a worker, and no port is opened. A worker whose parent is gone sees it
 stops; a worker that dies is replaced and its item done again. Classes of a notebook or a script
 travel by value (cloudpickle), so neither needs a main guard.
 
-A message is its length in eight bytes, then a pickle: to a worker (pickled work or None, item),
-back from it (whether it went well, result or exception).
+A message is its length in eight bytes, then a pickle: to a worker (pickled work or None, pickled
+item), back from it (whether it went well, result or exception). The work is unpacked first, and
+begins with the plugins that are loaded here (`luggage`): what follows may be of their classes.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import IO, Any
 
+from fullam.analysis.luggage import equipped
 from fullam.exceptions import CampaignError, MissingDependency
 
 MOST_JOBS = 256
@@ -72,7 +74,7 @@ def serve() -> None:
             new, item = pickle.loads(inbox.get())
             work = pickle.loads(new) if new is not None else work
             assert work is not None
-            answer = (True, work(item))
+            answer = (True, work(pickle.loads(item)))
         except Exception as error:  # noqa: BLE001 - every error is the parent's to raise
             answer = (False, error)
         write_message(out, _packed(answer))
@@ -136,7 +138,7 @@ class _Worker:
         assert self.process.stdout is not None
         new = None if self.knows == task.of else work
         try:
-            write_message(self.process.stdin, cloudpickle.dumps((new, task.item)))
+            write_message(self.process.stdin, pickle.dumps((new, cloudpickle.dumps(task.item))))
         except OSError as error:
             raise EOFError from error
         self.knows = task.of
@@ -212,9 +214,11 @@ class WorkerProcesses:
     def _bury(self, k: int, task: _Task) -> None:
         """A worker has died: its item goes to another, unless it has killed too many."""
         worker = self._workers.pop(k, None)
-        if self._closing or worker is None:
+        if worker is None:
             return
         worker.kill()
+        if self._closing:
+            return
         task.deaths += 1
         if task.deaths < MOST_DEATHS:
             self._tasks.put(task)
@@ -233,7 +237,7 @@ class WorkerProcesses:
         import cloudpickle
 
         self._map += 1
-        self._work = cloudpickle.dumps(work)
+        self._work = cloudpickle.dumps(equipped(work))
         for i, item in enumerate(items):
             self._tasks.put(_Task(self._map, i, item))
         due = len(items)

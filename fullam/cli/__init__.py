@@ -18,8 +18,9 @@ from typing import Any
 
 from fullam import interrupt
 from fullam.cli import output
-from fullam.cli.verbs import FAILED, INTERRUPTED, USAGE, VERBS
+from fullam.cli.verbs import FAILED, INTERRUPTED, USAGE, VERBS, argument
 from fullam.exceptions import AllocationFailed, FullamError, FullamWarning, NonFiniteWrench
+from fullam.plugins import load_plugin
 
 DESCRIPTION = "Fly, compare and check fully-actuated aerial manipulators."
 
@@ -29,9 +30,22 @@ EPILOG = """examples:
   fullam run position-3 --calm --set compensation=previous_wrench --json
   fullam compare tilt-hover-2 --controllers dc-pid,pid --seed 7
   fullam check hextilt
+  fullam new controller my_law.py
+  fullam run task-2 --plugin my_law.py --controller my-law
 
 `fullam VERB --help` explains a verb. Exit codes: 0 well, 1 the flight diverged or the check
 failed, 2 bad usage or input, 130 interrupted."""
+
+
+PLUGIN = argument(
+    "--plugin",
+    action="append",
+    default=[],
+    metavar="FILE",
+    help="load laws, estimators, scenarios of your own first: a .py file, or a module's name; "
+    "may be repeated (`fullam new` writes one)",
+)
+"""Every verb has it."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -48,7 +62,7 @@ def build_parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
     for name, verb in sorted(VERBS.items()):
         sub = verbs.add_parser(name, help=verb.summary, description=verb.description)
-        for flags, options in verb.arguments:
+        for flags, options in (*verb.arguments, PLUGIN):
             sub.add_argument(*flags, **options)
         sub.set_defaults(execute=verb.execute)
     return parser
@@ -83,6 +97,8 @@ def _run(argv: Sequence[str] | None) -> int:
     except SystemExit as end:  # argparse has printed what it had to say
         return end.code if isinstance(end.code, int) else USAGE
     try:
+        for source in arguments.plugin:
+            load_plugin(source)
         code: int = arguments.execute(arguments)
         sys.stdout.flush()
         return code

@@ -1,31 +1,22 @@
-"""`fullam sweep`, `fullam tune` and `fullam reproduce`."""
+"""`fullam sweep` and `fullam reproduce`."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli import options
-from fullam.cli.output import harmless, number, say, say_json, table
+from fullam.cli.output import number, say, say_json, table
+from fullam.cli.searching import ANY_DRIVER, JOBS, bar, continued
 from fullam.cli.verbs import OK, argument, verb
 from fullam.exceptions import CampaignError, ScenarioError
 
 if TYPE_CHECKING:
     from fullam.analysis.campaign_table import CampaignTable
     from fullam.analysis.cluster import Scheduler
-    from fullam.analysis.tuning import Tuning
 
-JOBS = argument(
-    "--jobs",
-    type=options.jobs,
-    default=1,
-    metavar="N",
-    help="threads; processes for laws that are no kernels (default: 1)",
-)
 SCHEDULER = (
     argument(
         "--scheduler",
@@ -36,13 +27,6 @@ SCHEDULER = (
     argument("--tls-cert", metavar="FILE", help="this client's certificate (.pem)"),
     argument("--tls-key", metavar="FILE", help="the key of that (.pem)"),
 )
-ANY_DRIVER = argument(
-    "--driver",
-    default="fastest",
-    metavar="NAME",
-    help="python, fused, or the fastest that can fly a contender (default: fastest)",
-)
-
 SUMMARY = (
     ("lost", "outcome", 0),
     ("settling [s]", "settling_time_s", 2),
@@ -59,13 +43,6 @@ def result_path(text: str) -> Path:
     """A path for rows, checked before the flights rather than after them."""
     if Path(text).suffix != ".parquet":
         raise argparse.ArgumentTypeError(f"'{text}' does not end in .parquet")
-    return Path(text)
-
-
-def settings_path(text: str) -> Path:
-    """A path for tuned settings."""
-    if Path(text).suffix != ".toml":
-        raise argparse.ArgumentTypeError(f"'{text}' does not end in .toml")
     return Path(text)
 
 
@@ -87,20 +64,6 @@ def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
     return Scheduler(arguments.scheduler, *files)
 
 
-@contextmanager
-def continued(where: str) -> Iterator[None]:
-    """Say on Ctrl-C that nothing is lost, if something is kept somewhere.
-
-    Raises:
-        KeyboardInterrupt: With what to say.
-    """
-    try:
-        yield
-    except KeyboardInterrupt as interrupt:
-        text = f"; the same command continues ({where})" if where else ""
-        raise KeyboardInterrupt(text) from interrupt
-
-
 @verb(
     "sweep",
     argument("scenarios", type=options.names, metavar="SCENARIO", help="names, with commas"),
@@ -109,13 +72,16 @@ def continued(where: str) -> Iterator[None]:
         type=options.names,
         default=["dc-pid"],
         metavar="A,B",
-        help="names; NAME@ESTIMATOR flies with another estimator (default: dc-pid)",
+        help="names; NAME@ESTIMATOR flies with another estimator, FILE.toml with the settings in "
+        "that file (default: dc-pid)",
     ),
+    options.SETTINGS_FILES,
     argument(
         "--runs", type=options.runs, default=100, metavar="N", help="seeds 0 to N-1 (default: 100)"
     ),
     argument("--tuned", action="store_true", help="the committed tuned gains, not the defaults"),
     argument("--estimator", metavar="NAME", help="state estimator (default: each law's own)"),
+    *options.PLANT,
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
     argument("--no-gusts", action="store_true", help="the weather without its gusts"),
     argument("--traces", action="store_true", help="keep every motion, at 25 Hz"),
@@ -135,23 +101,25 @@ def sweep(arguments: argparse.Namespace) -> int:
     """
     from fullam.analysis.campaign import Campaign
     from fullam.analysis.campaign import sweep as fly
-    from fullam.analysis.contender import Contender
     from fullam.simulation.scenario import load_scenario
     from fullam.simulation.settings import SimulationSettings
 
     scenarios = [load_scenario(name) for name in arguments.scenarios]
+    chosen = options.plant_choices(arguments)
+    if arguments.estimator:
+        chosen["estimator"] = arguments.estimator
     campaign = Campaign(
         tuple(scenarios),
-        tuple(Contender.parse(name, arguments.tuned) for name in arguments.controllers),
+        options.contenders(arguments, arguments.tuned),
         tuple(range(arguments.runs)),
         _weather(arguments, scenarios),
-        SimulationSettings(**({"estimator": arguments.estimator} if arguments.estimator else {})),
+        SimulationSettings(**chosen),
         arguments.driver,
         arguments.traces,
     )
     where = f"{arguments.out}.parts holds the rows"
     where += ", so leave out --overwrite" if arguments.overwrite else ""
-    with continued(where), _bar("flights") as progress:
+    with continued(where), bar("flights") as progress:
         rows = fly(
             campaign,
             arguments.out,
@@ -218,54 +186,6 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
 
 
 @verb(
-    "tune",
-    argument("controller", metavar="CONTROLLER", help="NAME or NAME@ESTIMATOR"),
-    argument(
-        "--budget", type=options.runs, default=200, metavar="N", help="candidates (default: 200)"
-    ),
-    argument(
-        "--seed",
-        type=options.seed,
-        default=0,
-        metavar="N",
-        help="seed of the optimiser (default: 0)",
-    ),
-    argument("--out", type=settings_path, metavar="FILE", help="keep the best so far (.toml)"),
-    JOBS,
-    ANY_DRIVER,
-)
-def tune(arguments: argparse.Namespace) -> int:
-    """Tune a controller's gains, by the same procedure and budget for every controller.
-
-    CMA-ES on a cost over training flights whose seeds no evaluation uses; then defaults and result
-    fly other seeds, and both costs are printed. With --out, an interrupted search keeps its best,
-    and the same command continues it.
-    """
-    from fullam.analysis.tuning import tune as search
-
-    controller, _, estimator = arguments.controller.partition("@")
-    budget = arguments.budget
-    where = f"{arguments.out}.journal holds the costs" if arguments.out else ""
-    with continued(where), _bar("candidates") as progress:
-
-        def tell(best: Tuning) -> None:
-            progress(f"cost {best.cost:.3f}", best.evaluations, budget)
-
-        best = search(
-            controller,
-            estimator=estimator or None,
-            budget=budget,
-            seed=arguments.seed,
-            jobs=arguments.jobs,
-            driver=arguments.driver,
-            out=arguments.out,
-            progress=tell,
-        )
-    say(best.to_toml().rstrip())
-    return OK
-
-
-@verb(
     "reproduce",
     argument(
         "--runs",
@@ -276,6 +196,14 @@ def tune(arguments: argparse.Namespace) -> int:
     ),
     argument("--out", type=Path, default=Path("report"), metavar="FOLDER", help="default: report"),
     argument("--quick", action="store_true", help="a look in two minutes: a few seeds"),
+    options.SETTINGS_FILES,
+    argument(
+        "--controllers",
+        type=options.names,
+        default=[],
+        metavar="A,B",
+        help="more laws, of your own too, judged by the same claims; NAME or NAME@ESTIMATOR",
+    ),
     JOBS,
     *SCHEDULER,
     ANY_DRIVER,
@@ -287,10 +215,12 @@ def reproduce(arguments: argparse.Namespace) -> int:
     group's recorded runs beside ours: one page that opens offline. Interrupted, the same command
     continues.
     """
+    from fullam.analysis.reproduce import entries
     from fullam.analysis.reproduce import reproduce as fly
+    from fullam.control.controllers import load_settings
     from fullam.viz.report import write_report
 
-    with continued(f"{arguments.out}/data holds the rows"), _bar("flights") as progress:
+    with continued(f"{arguments.out}/data holds the rows"), bar("flights") as progress:
         result = fly(
             arguments.out,
             runs=arguments.runs,
@@ -298,34 +228,11 @@ def reproduce(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             scheduler=scheduler(arguments),
             driver=arguments.driver,
+            contenders=entries(
+                [load_settings(path) for path in arguments.settings], arguments.controllers
+            ),
             progress=progress,
         )
     page = write_report(result, arguments.out)
     say(f"{page}")
     return OK
-
-
-@contextmanager
-def _bar(unit: str) -> Iterator[Any]:
-    """A bar on stderr if that is a terminal, started over whenever the work changes its name.
-
-    Yields:
-        A function of (text, done, total).
-    """
-    from tqdm import tqdm
-
-    bar = tqdm(disable=None, unit=f" {unit}", dynamic_ncols=True, leave=False)
-
-    def show(text: str, done: int, total: int) -> None:
-        if bar.disable:
-            return
-        if bar.desc != f"{text}: ":
-            bar.reset(total)
-            bar.set_description(harmless(text), refresh=False)
-        bar.total, bar.n = total, done
-        bar.refresh()
-
-    try:
-        yield show
-    finally:
-        bar.close()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fullam.cli import options
 from fullam.cli.output import say, say_json, table
 from fullam.cli.verbs import FAILED, OK, argument, verb
-from fullam.exceptions import VehicleError
+from fullam.exceptions import SettingsError, VehicleError
 
 if TYPE_CHECKING:
     from fullam.analysis.agreement import AgreementTable
@@ -38,6 +38,7 @@ the states sampled on purpose near its worst), a wrong sign or a wrong frame abo
     ),
     argument("--failed", type=options.names, default=[], metavar="R,...", help=options.FAILED_HELP),
     argument("--controller", metavar="NAME", help="tell the margins of this law's loops as well"),
+    *options.LAW[1:],
     argument("--estimator", metavar="NAME", help="with this estimator (default: the law's own)"),
     argument("--delay", type=options.delay, default=0.0, metavar="S", help="age of a pose [s] (0)"),
     argument("--control-rate", type=options.rate, metavar="HZ", help="of the law (100)"),
@@ -51,10 +52,10 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     what loading let pass: joints that are held, odd inertias, missing meshes. Then the agreement of
     the paper's recursion, its matrix system and Pinocchio on random states, where the paper's
     equations hold for the arm. With --failed what is left without some rotors: which axes, and at
-    which attitude it hovers. With --controller also the phase, gain and delay margins of that
-    law's loops on this vehicle, in hover. Exit code 1 says that the vehicle cannot hover
-    (level; with failed rotors in no attitude), that the three disagree or that a loop has no
-    margin.
+    which attitude it hovers. With --controller, or --settings that name it, also the phase, gain
+    and delay margins of that law's loops on this vehicle, in hover. Exit code 1 says that the
+    vehicle cannot hover (level; with failed rotors in no attitude), that the three disagree or that
+    a loop has no margin.
     """
     from fullam.analysis.agreement import agreement
     from fullam.analysis.capability import assess
@@ -62,6 +63,7 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     from fullam.model.loading import load_vehicle
     from fullam.model.meshes import missing_remark
 
+    law = law_of(arguments)
     vehicle = load_vehicle(arguments.vehicle)
     if arguments.failed:
         vehicle = vehicle.with_failed(*arguments.failed)
@@ -78,7 +80,9 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
         verdict = {"not_applicable": f"{error.field} {error.problem}; {error.remedy}"}
     agree = witnesses is None or witnesses.largest <= AGREEMENT
     can_hover = capability.can_hover if left is None else left.holds
-    margins = margins_of(arguments, vehicle) if can_hover else None
+    margins = None
+    if law is not None and can_hover:
+        margins = margins_of(arguments, vehicle, *law)
     passed = can_hover and agree and (margins is None or margins.enough)
     if arguments.json:
         say_json(
@@ -113,15 +117,28 @@ def check_vehicle(arguments: argparse.Namespace) -> int:
     return OK if passed else FAILED
 
 
-def margins_of(arguments: argparse.Namespace, vehicle: Vehicle) -> LoopMargins | None:
-    """Margins of the law that was named, hovering; None if none was."""
+def law_of(arguments: argparse.Namespace) -> tuple[str, Any] | None:
+    """Controller and settings that were named; None if none were.
+
+    Raises:
+        SettingsError: Settings that it does not take, or settings of nobody.
+    """
+    if arguments.controller is not None or arguments.settings is not None:
+        return options.law(arguments)
+    if arguments.set:
+        raise SettingsError("fullam check", "--set", "is given without a law", "add --controller")
+    return None
+
+
+def margins_of(
+    arguments: argparse.Namespace, vehicle: Vehicle, controller: str, settings: Any
+) -> LoopMargins:
+    """Margins of a law, hovering."""
     from fullam.analysis.margins import loop_margins
     from fullam.model.wrench_axes import controllable_axes
     from fullam.simulation.scenario import AXES, Scenario
     from fullam.simulation.simulate import prepare
 
-    if arguments.controller is None:
-        return None
     possible = zip(AXES, controllable_axes(vehicle.rotors), strict=True)
     scenario = Scenario(name="hover", axes=tuple(axis for axis, good in possible if good))
     simulation: dict[str, Any] = {"estimator": arguments.estimator, "delay": arguments.delay}
@@ -129,8 +146,9 @@ def margins_of(arguments: argparse.Namespace, vehicle: Vehicle) -> LoopMargins |
         simulation["control_period"] = 1.0 / arguments.control_rate
     plan = prepare(
         scenario,
-        arguments.controller,
+        controller,
         vehicle=vehicle,
+        settings=settings,
         weather=arguments.weather,
         simulation=simulation,
     )

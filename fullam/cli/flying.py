@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fullam.cli import options
@@ -52,21 +53,11 @@ FLIGHT_ROWS = (
 )
 """Rows of a table of flights: text, field of `Metrics`, unit, digits."""
 
-SETTINGS = argument(
-    "--set",
-    type=options.setting,
-    action="append",
-    default=[],
-    metavar="KEY=VALUE",
-    help="a setting of the controller, in JSON or TOML; may be repeated",
-)
-
 
 @verb(
     "run",
     options.SCENARIO,
-    argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
-    SETTINGS,
+    *options.LAW,
     *options.FLIGHT,
     options.DRIVER,
     argument("--out", type=options.run_path, metavar="FILE", help="save the record (.npz)"),
@@ -80,7 +71,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged or
     swings about its target.
     """
-    flight = prepared(arguments, arguments.controller, dict(arguments.set))
+    flight = prepared(arguments, *options.law(arguments))
     tell_of_failure(flight)
     warn_of_reach(flight)
     warn_of_loop(flight)
@@ -94,6 +85,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
         files["figure"] = str(save_figure(overview(run), arguments.figure))
     if arguments.json:
         found = {"files": files, "findings": [f.to_dict() for f in findings_of(run, metrics)]}
+        found |= contact_data(run)
         say_json(identity(run) | metrics.to_dict() | found)
     else:
         say(f"{heading(run)}, {run.controller}\n\n{axes_table(metrics)}\n\n{summary(metrics)}")
@@ -111,8 +103,10 @@ def run_scenario(arguments: argparse.Namespace) -> int:
         type=options.names,
         default=["dc-pid", "pid"],
         metavar="A,B,...",
-        help="separated by commas (default: dc-pid,pid)",
+        help="separated by commas; NAME@ESTIMATOR flies with another estimator, FILE.toml with the "
+        "settings in that file (default: dc-pid,pid)",
     ),
+    options.SETTINGS_FILES,
     *options.FLIGHT,
     options.DRIVER,
     options.FIGURE,
@@ -124,7 +118,12 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     One seed is one weather: noise, gusts and true parameters are the same for all of them. Exit
     code 1 says that a flight diverged or swings about its target.
     """
-    plans = [prepared(arguments, name, {}) for name in arguments.controllers]
+    contenders = options.contenders(arguments)
+    plans = [
+        prepared(arguments, c.controller, c.settings if c.file is None else c.file, c.estimator)
+        for c in contenders
+    ]
+    labels = [c.label for c in contenders]
     tell_of_failure(plans[0])
     warn_of_reach(plans[0])
     for plan in plans:
@@ -135,12 +134,15 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
     if arguments.figure and all(has_rows(run) for run in runs):
         from fullam.viz.figures import compare, save_figure
 
-        files["figure"] = str(save_figure(compare(runs), arguments.figure))
+        files["figure"] = str(save_figure(compare(runs, labels), arguments.figure))
     if arguments.json:
-        records = [identity(run) | metrics.to_dict() for run, metrics in flights]
+        records = [
+            {"contender": label} | identity(run) | metrics.to_dict()
+            for label, (run, metrics) in zip(labels, flights, strict=True)
+        ]
         say_json({"runs": records, "files": files})
     else:
-        header = ["", "unit", *arguments.controllers]
+        header = ["", "unit", *labels]
         rows = [
             [text, unit, *(cell(metrics, field, digits) for _, metrics in flights)]
             for text, field, unit, digits in flight_rows([metrics for _, metrics in flights])
@@ -160,8 +162,23 @@ def findings_of(run: Run, metrics: Metrics) -> list[Finding]:
     return diagnose(run) if len(run) and not (run.well and metrics.settled) else []
 
 
+def contact_data(run: Run) -> dict[str, Any]:
+    """What the tool touched, for machines; nothing if it touched nothing."""
+    from fullam.analysis.touching import contact_of
+
+    found = contact_of(run)
+    return {} if found is None else {"contact": found.to_dict()}
+
+
 def explain(run: Run, metrics: Metrics) -> None:
-    """Say how a flight that was not well went, and what was in its way."""
+    """Say what the tool touched; how a flight that was not well went, and what was in its way."""
+    from fullam.analysis.touching import contact_of, contact_warning
+
+    contact, warning = contact_of(run), contact_warning(run)
+    if warning is not None:
+        complain(warning)
+    elif contact is not None:
+        say(f"\ncontact: {contact}")
     if not run.well:
         say(f"\n{run.outcome.upper()}, {run.controller}: {run.metadata['reason']}")
     elif not metrics.settled:
@@ -171,14 +188,22 @@ def explain(run: Run, metrics: Metrics) -> None:
 
 
 def prepared(
-    arguments: argparse.Namespace, controller: str, settings: dict[str, Any]
+    arguments: argparse.Namespace, controller: str, settings: Any, estimator: str | None = None
 ) -> FlightPlan:
-    """The flight that was asked for; what is wrong with it is found here."""
+    """The flight that was asked for; what is wrong with it is found here.
+
+    Args:
+        arguments: Those of `options.FLIGHT`, and the scenario.
+        controller: Who flies.
+        settings: With what, as in `simulate`.
+        estimator: Another one than `arguments` name.
+    """
     from fullam.simulation.simulate import pilot, prepare
 
     pilot(getattr(arguments, "driver", "python"))
     keywords = options.flight_arguments(arguments)
-    settings = options.controller_settings(controller, settings)
+    if estimator is not None:
+        keywords["simulation"] = replace(keywords["simulation"], estimator=estimator)
     return prepare(arguments.scenario, controller, settings=settings, **keywords)
 
 
@@ -214,10 +239,15 @@ def warn_of_reach(plan: FlightPlan) -> None:
 
 
 def warn_of_loop(plan: FlightPlan) -> None:
-    """Say before take-off if a law's loop has no margin, and what a strange estimator costs it."""
-    from fullam.analysis.margins import estimator_cost, margin_warning
+    """Say before take-off if a law's loop has no margin, and what a strange estimator costs it.
 
-    for line in (estimator_cost(plan), margin_warning(plan)):
+    And what the law's estimator believes of its sensors that is not so.
+    """
+    from fullam.analysis.margins import estimator_cost, margin_warning
+    from fullam.analysis.sensing import sensor_warning
+
+    believed = sensor_warning(plan.weather, str(plan.simulation.estimator))
+    for line in (believed, estimator_cost(plan), margin_warning(plan)):
         if line is not None:
             complain(line)
 
@@ -232,7 +262,8 @@ def has_rows(run: Run) -> bool:
 def identity(run: Run) -> dict[str, Any]:
     """What was flown, for machines."""
     metadata = run.metadata
-    return {
+    plugins = {"plugins": run.plugins} if run.plugins else {}
+    return plugins | {
         "scenario": metadata["scenario"]["name"],
         "vehicle": metadata["vehicle"]["definition"]["name"],
         **{name: metadata[name] for name in ("controller", "settings", "seed", "driver")},

@@ -15,14 +15,23 @@ def registered() -> dict[str, dict[str, str]]:
     from fullam.control.controllers import controller_class, controller_names
     from fullam.control.estimators import estimator_class, estimator_names
     from fullam.model.loading import load_vehicle, vehicle_names
+    from fullam.ownership import owner_of
     from fullam.simulation.scenario import load_scenario, scenario_names
     from fullam.simulation.weather import WEATHERS
+
+    def summary(kind: str, name: str, thing: object) -> str:
+        plugin = owner_of(kind, name)
+        return _summary(thing) + (f" [{plugin.name}]" if plugin else "")
 
     return {
         "scenarios": {name: load_scenario(name).description for name in scenario_names()},
         "vehicles": {name: load_vehicle(name).description for name in vehicle_names()},
-        "controllers": {name: _summary(controller_class(name)) for name in controller_names()},
-        "estimators": {name: _summary(estimator_class(name)) for name in estimator_names()},
+        "controllers": {
+            name: summary("controller", name, controller_class(name)) for name in controller_names()
+        },
+        "estimators": {
+            name: summary("estimator", name, estimator_class(name)) for name in estimator_names()
+        },
         "weathers": {
             name: (
                 f"noise {1e3 * w.position_noise:g} mm, {w.attitude_noise_deg:g} deg; "

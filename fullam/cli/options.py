@@ -14,9 +14,16 @@ from fullam.cli.verbs import argument
 from fullam.exceptions import ScenarioError, SettingsError
 
 if TYPE_CHECKING:
+    from fullam.analysis.contender import Contender
     from fullam.simulation.settings import SimulationSettings
 
+MOST_SEEDS = 10_000
+"""More seeds than this in one range are a typing error."""
+
 FIGURE_FORMATS = (".pdf", ".png", ".svg")
+
+DEFAULT = "dc-pid"
+"""Who flies if nobody is named."""
 
 
 def run_path(text: str) -> Path:
@@ -104,11 +111,50 @@ def _value(text: str) -> Any:
     return text
 
 
+def settings_path(text: str) -> Path:
+    """A path for settings of a controller."""
+    if Path(text).suffix != ".toml":
+        raise argparse.ArgumentTypeError(f"{_typed(text)} does not end in .toml")
+    return Path(text)
+
+
+def seeds(text: str) -> tuple[int, ...]:
+    """Seeds separated by commas; A-B are all from A to B."""
+    found: list[int] = []
+    for part in names(text):
+        first, dash, last = part.partition("-")
+        low = seed(first)
+        high = seed(last) if dash else low
+        if not low <= high < low + MOST_SEEDS:
+            raise argparse.ArgumentTypeError(f"{_typed(part)} is no range of up to {MOST_SEEDS}")
+        found += range(low, high + 1)
+    return tuple(found)
+
+
 JSON = argument("--json", action="store_true", help="print JSON, and nothing else, on stdout")
 
 SCENARIO = argument("scenario", metavar="SCENARIO", help="name (see `fullam list`) or TOML file")
 
 FIGURE = argument("--figure", type=figure_path, metavar="FILE", help="draw it (.png, .pdf or .svg)")
+
+PLANT = (
+    argument(
+        "--plant",
+        metavar="NAME",
+        help="the physics: prescribed, joints follow their motion exactly (default); or servo, "
+        "joints are free and moved by their servos",
+    ),
+    argument(
+        "--plant-set",
+        type=setting,
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a setting of the plant; of servo: feedback=twin|encoder|command|truth, "
+        "feed_forward=gravity|motion|off; may be repeated",
+    ),
+)
+"""Which physics flies."""
 
 FLIGHT = (
     argument("--seed", type=seed, default=0, metavar="N", help="seed of the weather (default: 0)"),
@@ -119,6 +165,7 @@ FLIGHT = (
     argument("--control-rate", type=rate, metavar="HZ", help="controller's rate (default: 100)"),
     argument("--plant-rate", type=rate, metavar="HZ", help="plant's rate (default: 1000)"),
     argument("--estimator", metavar="NAME", help="state estimator (default: the controller's own)"),
+    *PLANT,
     argument(
         "--governor", metavar="on|off", help="take the target's tilt back while force is short"
     ),
@@ -143,6 +190,40 @@ DRIVER = argument(
 )
 
 
+LAW = (
+    argument(
+        "--controller",
+        metavar="NAME",
+        help="(default: dc-pid, or the one that --settings is for)",
+    ),
+    argument(
+        "--settings",
+        type=settings_path,
+        metavar="FILE",
+        help="settings of the controller, as `fullam tune` writes them (.toml)",
+    ),
+    argument(
+        "--set",
+        type=setting,
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a setting of the controller, in JSON or TOML; may be repeated",
+    ),
+)
+"""Which law flies, and with which settings."""
+
+SETTINGS_FILES = argument(
+    "--settings",
+    type=settings_path,
+    action="append",
+    default=[],
+    metavar="FILE",
+    help="settings of one of the controllers, from `fullam tune` (.toml); may be repeated",
+)
+"""For verbs that fly several laws: each file is for the controller that it names."""
+
+
 def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     """Keywords of `simulate` from the arguments of `FLIGHT`.
 
@@ -162,16 +243,24 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
-    """The controller's settings with what was typed after --set.
+def law(arguments: argparse.Namespace) -> tuple[str, Any]:
+    """Controller and settings from the arguments of `LAW`: those of the file, then --set.
 
     Raises:
-        SettingsError: A setting that it does not have, or a value of the wrong kind.
+        SettingsError: A setting that it does not have, or a value of the wrong kind; or a file of
+            another controller.
     """
-    from fullam.control.controllers import make_settings
+    from fullam.control.controllers import load_settings, make_settings
 
+    changes, file = dict(arguments.set), None
+    if arguments.settings is not None:
+        file = load_settings(arguments.settings)
+    controller = arguments.controller or (file and file.controller) or DEFAULT
+    if file is not None:
+        make_settings(controller, file)
+        return controller, file.changed(changes)
     try:
-        return make_settings(controller, changes)
+        return controller, make_settings(controller, changes)
     except (TypeError, ValueError) as error:
         typed = ", ".join(f"{key}={value!r}" for key, value in changes.items())
         raise SettingsError(
@@ -179,11 +268,33 @@ def controller_settings(controller: str, changes: dict[str, Any]) -> Any:
         ) from error
 
 
+def contenders(arguments: argparse.Namespace, tuned: bool = False) -> tuple[Contender, ...]:
+    """Who was named with --controllers, with the files of --settings.
+
+    Raises:
+        FullamError: An unknown name, or a file that is for none of them.
+    """
+    from fullam.analysis.contender import Contender, with_files
+    from fullam.control.controllers import load_settings
+
+    named = [Contender.parse(name, tuned) for name in arguments.controllers]
+    files = [load_settings(path) for path in arguments.settings]
+    return with_files(named, files, arguments.estimator)
+
+
+def plant_choices(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the arguments of `PLANT` change of the simulation's settings."""
+    changes: dict[str, Any] = {"plant": arguments.plant} if arguments.plant else {}
+    if arguments.plant_set:
+        changes["plant_settings"] = dict(arguments.plant_set)
+    return changes
+
+
 def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
-    """The simulation's settings with the given rates, estimator and governor."""
+    """The simulation's settings with the given rates, estimator, plant and governor."""
     from fullam.simulation.settings import SimulationSettings
 
-    changes: dict[str, Any] = {}
+    changes: dict[str, Any] = plant_choices(arguments)
     if arguments.control_rate:
         changes["control_period"] = 1.0 / arguments.control_rate
     if arguments.plant_rate:

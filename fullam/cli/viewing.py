@@ -17,16 +17,6 @@ if TYPE_CHECKING:
     from fullam.viz.viewer.replay import Film
     from fullam.viz.viewer.server import ViewerServer
 
-SETTINGS = argument(
-    "--set",
-    type=options.setting,
-    action="append",
-    default=[],
-    metavar="KEY=VALUE",
-    help="a setting of the controller, in JSON or TOML; may be repeated",
-)
-
-
 SERVER = (
     argument("--open", action="store_true", help="open the page in the default browser"),
     argument(
@@ -59,8 +49,7 @@ duration = options.between(0.1, 1e4, "time in s, from")
 @verb(
     "view",
     argument("target", nargs="+", metavar="WHAT", help="a scenario, or one or more run files"),
-    argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
-    SETTINGS,
+    *options.LAW,
     *options.FLIGHT,
     argument("--speed", type=speed, default=1.0, metavar="X", help="of the live flight (1)"),
     argument("--offset", type=distance, metavar="M", help="between flights side by side [m]"),
@@ -124,7 +113,7 @@ def _prepared(arguments: argparse.Namespace) -> FlightPlan:
     from fullam.cli.flying import prepared
 
     as_run_has_them = argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
-    return prepared(as_run_has_them, arguments.controller, dict(arguments.set))
+    return prepared(as_run_has_them, *options.law(arguments))
 
 
 def _fly_live(arguments: argparse.Namespace) -> int:
@@ -164,8 +153,7 @@ def _show_live(plan: FlightPlan, arguments: argparse.Namespace) -> int:
         metavar="WHAT",
         help="a vehicle, its name (see `fullam list`) or TOML file; or the name of a scenario",
     ),
-    argument("--controller", default="dc-pid", metavar="NAME", help="(default: dc-pid)"),
-    SETTINGS,
+    *options.LAW,
     *[flag for flag in options.FLIGHT if flag[0][0] not in ("--vehicle", "--shape")],
     argument("--speed", type=speed, default=1.0, metavar="X", help="seconds in a second (1)"),
     argument(
@@ -191,15 +179,16 @@ def fly_free(arguments: argparse.Namespace) -> int:
 
     simulation = options.simulation_settings(arguments)
     simulation.check_length(arguments.duration)
+    controller, settings = options.law(arguments)
     plan = plan_of(
         arguments.subject,
-        arguments.controller,
+        controller,
         arguments.duration,
         seed=arguments.seed,
         failed=arguments.failed,
         calm=arguments.calm,
         weather=arguments.weather,
-        settings=dict(arguments.set),
+        settings=settings,
         simulation=simulation,
     )
     return _show_live(plan, arguments)

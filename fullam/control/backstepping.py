@@ -53,6 +53,7 @@ from fullam.control.law import KernelLaw, LawKernels
 from fullam.control.pid import integrated, pose_error, released
 from fullam.control.signals import Command
 from fullam.control.tracking import TrackingSettings
+from fullam.control.tunable import tunable
 from fullam.dynamics.recursion import (
     bias_wrench,
     composite_body,
@@ -85,8 +86,12 @@ class BacksteppingSettings(TrackingSettings):
         integral_limits: Largest L s, linear [m/s] and angular [rad/s].
     """
 
-    position_gains: tuple[float, float, float] = (2.0, 4.0, 0.75)
-    attitude_gains: tuple[float, float, float] = (4.0, 6.0, 2.5)
+    position_gains: tuple[float, float, float] = tunable(
+        (2.0, 4.0, 0.75), low=(0.5, 0.5, 0.005), high=(16.0, 16.0, 40.0)
+    )
+    attitude_gains: tuple[float, float, float] = tunable(
+        (4.0, 6.0, 2.5), low=(0.5, 1.0, 0.01), high=(40.0, 30.0, 100.0)
+    )
     integral_limits: tuple[float, float] = (1.0, 3.5)
 
     def __post_init__(self) -> None:

@@ -36,6 +36,7 @@ from fullam.control.pid import (
     within_bounds,
 )
 from fullam.control.signals import Command, Estimate, Target
+from fullam.control.tunable import tunable
 from fullam.dynamics.recursion import Chain, JointMotion, root_wrench
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial, rotate_spatial, rotate_spatial_back
@@ -55,8 +56,12 @@ class ComputedWrenchSettings(PidSettings):
     frequency 3.1 rad/s, damping 0.97), attitude 30, 10 (5.5 rad/s, 0.91).
     """
 
-    position_gains: tuple[float, float, float] = (9.6, 0.0, 6.0)
-    attitude_gains: tuple[float, float, float] = (30.0, 0.0, 10.0)
+    position_gains: tuple[float, float, float] = tunable(
+        (9.6, 0.0, 6.0), low=(2.0, 0.01, 1.0), high=(80.0, 100.0, 20.0)
+    )
+    attitude_gains: tuple[float, float, float] = tunable(
+        (30.0, 0.0, 10.0), low=(5.0, 0.05, 2.0), high=(300.0, 500.0, 60.0)
+    )
 
 
 class ComputedWrenchNumbers(NamedTuple):

@@ -2,11 +2,39 @@
 
 A controller holds the NOMINAL vehicle, never sees a rotor, and returns the wrench in world axes at
 the origin of {A}, force then moment. `controllers` has them by name.
+
+A law of one's own is a class derived from `Controller`, registered under a name, in a notebook or
+in a file of its own (`fullam new controller my_law.py` writes one that flies):
+
+    @fullam.register("my-law")
+    class MyLaw(fullam.Controller):
+        Settings = MyLawSettings                         # a dataclass; may be left out
+        estimator = "kalman"                             # what it is made for; may be left out
+
+        def reset(self, measurement, reference): ...     # before the first period
+        def wrench(self, t, measurement, reference):     # every period
+            return ...                                   # six numbers, world axes [N, N m]
+        def delivered(self, wrench_W, missing_W): ...    # only after one that fell short; optional
+
+What it is given: `self.vehicle` (nominal; `.model` is Pinocchio's, `.mass`, `.gravity`),
+`self.settings`, `self.period` [s] and `self.axes` (which of the six axes are controlled). It needs
+no `__init__`. What it may set: `self.u_pid` and `self.u_dc`, which stand in the record.
+
+What it need not do: blend steps of the reference or take known lags off it (the scenario's shaping
+does, for every law alike), turn the wrench to {A}, or respect the rotors' bounds (the allocation
+does).
+
+Its settings are any frozen dataclass of numbers, strings, true or false, tuples, arrays of numbers
+or dataclasses of these, each with a default; what a record cannot keep is refused before take-off.
+
+Such a class flies in Python, a few times faster than real time, and on worker processes. Written as
+kernels (`law`) it also flies as machine code, a hundred times faster.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -57,13 +85,19 @@ class ReferencePoint:
         self.acceleration: Array = np.zeros(6)
 
 
+@dataclass(frozen=True)
+class NoSettings:
+    """The settings of a law that has none."""
+
+
 class Controller(ABC):
     """A control law on the nominal vehicle.
 
     Attributes:
         name: The name it is known under.
-        Settings: Frozen dataclass of its settings, all of them JSON values.
+        Settings: Frozen dataclass of its settings; see the module's text.
         estimator: Name of the estimator that it is made for: flown unless another one is asked for.
+        touches: Whether it knows that its vehicle may touch things.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
         attitude: R_WA of the measurement of the last tick, shape (3, 3), for whoever turns the
@@ -72,8 +106,9 @@ class Controller(ABC):
     """
 
     name: ClassVar[str]
-    Settings: ClassVar[type]
+    Settings: ClassVar[type] = NoSettings
     estimator: ClassVar[str] = "first-order"
+    touches: ClassVar[bool] = False
     attitude: Array | None = None
 
     def __init__(

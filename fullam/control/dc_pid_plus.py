@@ -53,6 +53,7 @@ from fullam.control.law import KernelLaw, LawKernels
 from fullam.control.lead import asked_from_rotors, led
 from fullam.control.pid import Gains, Limits, bounded
 from fullam.control.signals import Command, Delivery, Estimate, Target
+from fullam.control.tunable import tunable
 from fullam.control.wrench_observer import (
     ObserverMemory,
     ObserverNumbers,
@@ -93,9 +94,13 @@ class DcPidPlusSettings(DcPidSettings):
             1 and 8, the first-order filter's are 74 and 128 in the paper's noise.
     """
 
-    position_gains: tuple[float, float, float] = (25.0, 0.0, 10.0)
-    attitude_gains: tuple[float, float, float] = (60.0, 0.0, 15.0)
-    observer_rates: tuple[float, float] = (20.0, 18.0)
+    position_gains: tuple[float, float, float] = tunable(
+        (25.0, 0.0, 10.0), low=(2.0, None, 1.0), high=(80.0, None, 20.0)
+    )
+    attitude_gains: tuple[float, float, float] = tunable(
+        (60.0, 0.0, 15.0), low=(5.0, None, 2.0), high=(300.0, None, 60.0)
+    )
+    observer_rates: tuple[float, float] = tunable((20.0, 18.0), low=(0.5, 0.5), high=(60.0, 60.0))
     actuation_lag: float | None = None
     actuation_speedup: float = 2.0
     roughness_limits: tuple[float, float] = (8.0, 15.0)

@@ -4,6 +4,21 @@ An estimator turns `Readings` into an `Estimate` of the platform's pose and velo
 angles, rates and accelerations are known inputs (the servos are position controlled) and pass by
 it. Those that come with fullam are kernels, flown by Python, by machine code and eight flights at a
 time; anybody's own is a subclass of `Estimator`, in numpy if one likes. `estimators` has the names.
+
+One of one's own (`fullam new estimator my_estimator.py` writes one that flies):
+
+    @fullam.register_estimator("my-estimator")
+    class MyEstimator(fullam.Estimator):
+        Settings = MyEstimatorSettings                   # as of a law; may be left out
+        needs_inertial = True                            # if it reads gyroscope, accelerometer
+
+        def reset(self, readings): ...                   # before the first period
+        def update(self, readings, measurement):         # every period, the first one included
+            measurement.q[:7] = ...                      # [p, quaternion xyzw]
+            measurement.v[:6] = ...                      # [v_A, w_A], {A} axes
+
+It is given `self.datasheet` (noise, rates, delay of the sensors), `self.settings` and `self.period`
+[s]. One that trails the motion may say by how much in `as_seen`; the lag is then taken off.
 """
 
 from __future__ import annotations
@@ -22,7 +37,7 @@ from fullam.control.signals import Estimate
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial_back
 from fullam.exceptions import SettingsError
-from fullam.numbers.kernel import kernel
+from fullam.numbers.kernel import Number, kernel
 from fullam.numbers.program import Lists, Stage, program
 from fullam.numbers.records import Rows, flat
 from fullam.numbers.vectors import Vector
@@ -35,7 +50,8 @@ class Readings(NamedTuple):
     """What the sensors deliver in one control period.
 
     Noisy pose, the last one between two of them; true velocity [v_A, w_A] in {A} axes, for the
-    estimator that cheats; noisy w_A [rad/s] and R^T (ddp_A - g) [m/s^2].
+    estimator that cheats; noisy w_A [rad/s] and R^T (ddp_A - g) [m/s^2]; and 1 where the pose is a
+    new one, 0 where it is still the last.
 
     In Python its parts are tuples of floats: `np.concatenate(readings.pose)` is the array
     [p, quaternion xyzw].
@@ -45,6 +61,7 @@ class Readings(NamedTuple):
     velocity: Spatial
     gyroscope: Vector
     accelerometer: Vector
+    is_new: Number
 
 
 class Inertial(NamedTuple):
@@ -66,6 +83,12 @@ class Datasheet:
         delay_periods: Age of a pose when it arrives, in control periods.
         pose_every: Control periods between two poses.
         gravity: [m/s^2], along -z of {W}.
+        gyroscope_bias: Standard deviation of the gyroscope's bias, each axis [rad/s].
+        accelerometer_bias: Standard deviation of the accelerometer's bias, each axis [m/s^2].
+        gyroscope_drift: Density of the random walk of that bias [rad/s/sqrt(s)].
+        accelerometer_drift: The same [m/s^2/sqrt(s)].
+        gyroscope_scale: Standard deviation of the gyroscope's scale factor, as a share of 1.
+        accelerometer_scale: The same.
     """
 
     position_noise: float = 0.0
@@ -75,6 +98,12 @@ class Datasheet:
     delay_periods: int = 0
     pose_every: int = 1
     gravity: float = 9.81
+    gyroscope_bias: float = 0.0
+    accelerometer_bias: float = 0.0
+    gyroscope_drift: float = 0.0
+    accelerometer_drift: float = 0.0
+    gyroscope_scale: float = 0.0
+    accelerometer_scale: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -104,11 +133,17 @@ class Estimator(ABC):
         name: The name it is registered under.
         Settings: Frozen dataclass of its settings.
         needs_inertial: Whether it reads the gyroscope and the accelerometer.
+        knows_bias: Whether it finds out their bias.
+        rejects_outliers: Whether it tells an outlier from a pose.
+        stands_for: Name of an estimator in whose place it flies any law as well; "" for none.
     """
 
     name: ClassVar[str] = "estimator"
     Settings: ClassVar[type] = EstimatorSettings
     needs_inertial: ClassVar[bool] = False
+    knows_bias: ClassVar[bool] = False
+    rejects_outliers: ClassVar[bool] = False
+    stands_for: ClassVar[str] = ""
 
     def __init__(
         self, datasheet: Datasheet | None = None, settings: Any = None, period: float = 0.01
@@ -148,7 +183,7 @@ class Estimator(ABC):
         """Take in one period's readings; write q[:7] and v[:6] of the measurement.
 
         After a reset the pose is a new one in the first period and then every
-        `datasheet.pose_every` periods.
+        `datasheet.pose_every` periods, unless one is missing: `Readings.is_new` tells.
         """
 
     def as_seen(self, poses: Array, velocities: Array) -> tuple[Array, Array]:
@@ -172,7 +207,7 @@ class KernelEstimator(Estimator):
 
     Attributes:
         kernel: f(numbers, memory, readings, k) -> Estimate. In period 0 it begins anew; where k is
-            a multiple of `numbers.every`, the pose is a new one.
+            a multiple of `numbers.every`, the pose is a new one, if `readings.is_new` is 1.
         state: What it remembers, as lists of records, while it is used from Python; else None.
     """
 
@@ -294,7 +329,8 @@ def motion_stage(update: Function) -> Function:
         taken = k - k % int(numbers.every) - int(view.delay[0])
         pose = view.motion[max(0, taken)].pose
         velocity = rotate_spatial_back(rotation_matrix(now.pose.attitude), now.velocity)
-        readings = Readings(pose, velocity, velocity.angular, (0.0, 0.0, 0.0))
+        is_new = 0.0 if k % int(numbers.every) else 1.0
+        readings = Readings(pose, velocity, velocity.angular, (0.0, 0.0, 0.0), is_new)
         view.seen[k] = update(numbers, view.memory, readings, k)
 
     return see

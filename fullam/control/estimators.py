@@ -9,21 +9,29 @@ from fullam.checks import Checker
 from fullam.control.estimator import Estimator
 from fullam.control.first_order import FirstOrder
 from fullam.control.kalman import Kalman
+from fullam.control.kalman_bias import KalmanBias
 from fullam.control.truth import Truth
 from fullam.exceptions import SettingsError
-from fullam.registry import Registry
+from fullam.plain_values import from_plain, to_plain
+from fullam.plugins import discover
+from fullam.registry import Registry, check_class
 
 EstimatorType = TypeVar("EstimatorType", bound=type[Estimator])
 
 ESTIMATORS: Registry[type[Estimator]] = Registry(
-    "estimator", {cls.name: cls for cls in (FirstOrder, Kalman, Truth)}
+    "estimator", {cls.name: cls for cls in (FirstOrder, Kalman, KalmanBias, Truth)}
 )
 
 
 def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
-    """Class decorator: make an estimator known under `name`."""
+    """Class decorator: make an estimator known under `name`.
+
+    Raises:
+        SettingsError: What it decorates is no whole `Estimator`, or its settings lack a default.
+    """
 
     def add(cls: EstimatorType) -> EstimatorType:
+        check_class(cls, Estimator, f"estimator '{name}'")
         cls.name = name
         ESTIMATORS[name] = cls
         return cls
@@ -32,7 +40,8 @@ def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
 
 
 def estimator_names() -> tuple[str, ...]:
-    """Names of the registered estimators, sorted."""
+    """Names of the registered estimators, sorted; those of installed plugins too."""
+    discover()
     return tuple(sorted(ESTIMATORS))
 
 
@@ -54,4 +63,13 @@ def make_estimator_settings(name: str, changes: Mapping[str, Any] | None = None)
             one of the wrong type.
     """
     check = Checker(f"estimator '{name}'", SettingsError)
-    return check.settings(estimator_class(name).Settings, changes)
+    return from_plain(estimator_class(name).Settings, changes, check)
+
+
+def plain_estimator_settings(name: str, settings: Any) -> dict[str, Any]:
+    """Settings of the estimator `name` as JSON values; `make_estimator_settings` is the inverse.
+
+    Raises:
+        SettingsError: A value that cannot be saved; the message names the field and what can.
+    """
+    return to_plain(settings, Checker(f"estimator '{name}'", SettingsError))

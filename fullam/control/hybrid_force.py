@@ -224,6 +224,7 @@ class HybridForce(DcPidPlus):
 
     name = "hybrid-force"
     Settings = HybridForceSettings
+    touches = True
     settings: HybridForceSettings
 
     @property

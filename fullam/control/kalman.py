@@ -19,14 +19,14 @@ pose reading (p_m, R_m) has the innovation y = [p_m - p; log(R^T R_m)] = [1 0] x
 noises are independent, so its entries are taken in one by one, which is exact and inverts nothing:
 with c = P_:j the weight is c / (c_j + N_j), and P loses c c^T / (c_j + N_j).
 
-There are no biases among the states: the simulated inertial sensors have none, and two states that
-are always zero would only slow the rest down.
+There are no biases among the states. Behind sensors that have some, as those in the shops do, fly
+`kalman_bias`; where there are none, states that are always zero would only slow the rest down.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from fullam.control.signals import Estimate
 from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.exceptions import SettingsError
-from fullam.numbers.kernel import Number, kernel
+from fullam.numbers.kernel import Number, kernel, select, some
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import (
     ZERO,
@@ -66,6 +66,7 @@ class KalmanSettings(EstimatorSettings):
         initial_speed: Standard deviation of the velocity at the start, which is from rest [m/s].
     """
 
+    estimator: ClassVar[str] = "kalman"
     least_pose_noise: tuple[float, float] = (1e-4, 1e-4)
     sampling_noise: tuple[float, float] = (0.0005, 0.01)
     initial_speed: float = 0.01
@@ -73,15 +74,19 @@ class KalmanSettings(EstimatorSettings):
     def __post_init__(self) -> None:
         """Check the numbers; lists become tuples."""
         for field, count in (("least_pose_noise", 2), ("sampling_noise", 2), ("initial_speed", 1)):
-            values = np.asarray(getattr(self, field), dtype=float)
-            if values.size != count or not np.all((values > 0.0) & (values < np.inf)):
-                raise SettingsError(
-                    "estimator 'kalman'",
-                    field,
-                    f"is {getattr(self, field)!r}",
-                    f"give {'two numbers' if count == 2 else 'a number'} above 0",
-                )
-            object.__setattr__(self, field, tuple(values.tolist()) if count == 2 else float(values))
+            self._become(field, count)
+
+    def _become(self, field: str, count: int, least: float = 0.0) -> None:
+        """Make a field so many numbers above the least, or say what is wrong."""
+        values = np.asarray(getattr(self, field), dtype=float)
+        if values.size != count or not np.all((values > least) & (values < np.inf)):
+            raise SettingsError(
+                f"estimator '{self.estimator}'",
+                field,
+                f"is {getattr(self, field)!r}",
+                f"give {'two numbers' if count == 2 else 'a number'} above {least:g}",
+            )
+        object.__setattr__(self, field, tuple(values.tolist()) if count == 2 else float(values))
 
 
 class KalmanNumbers(NamedTuple):
@@ -163,8 +168,8 @@ def kalman(numbers, memory, readings, k):
         after = carry(numbers, before, waiting[(k + 1) % span])
         late[0] = after
         predict(numbers, memory.covariance, step_between(numbers, before, after))
-    if k > 0 and k % int(numbers.every) == 0:
-        late[0] = take(numbers, memory, late[0], readings.pose)
+    if k > 0 and k % int(numbers.every) == 0 and some(readings.is_new > 0.0):
+        late[0] = take(numbers, memory, late[0], readings)
     now = late[0]
     for i in range(max(1, k - span + 2), k + 1):
         now = carry(numbers, now, waiting[i % span])
@@ -269,8 +274,9 @@ def predict(numbers, P, step):
 
 
 @kernel
-def take(numbers, memory, now, reading):
-    """Correct estimate and covariance by a pose reading."""
+def take(numbers, memory, now, readings):
+    """Correct estimate and covariance by a pose reading, in the flights that have a new one."""
+    is_new, reading = readings.is_new, readings.pose
     P, y, x, c = memory.covariance, memory.innovation, memory.correction, memory.column
     y[0], y[1], y[2] = subtract(reading.position, now.pose.position)
     y[3], y[4], y[5] = boxminus(reading.attitude, now.pose.attitude)
@@ -279,7 +285,7 @@ def take(numbers, memory, now, reading):
     for j in range(6):
         for i in range(9):
             c[i] = P[j][i] if i < j else P[i][j]
-        weight = 1.0 / (c[j] + (numbers.read_position if j < 3 else numbers.read_attitude))
+        weight = is_new / (c[j] + (numbers.read_position if j < 3 else numbers.read_attitude))
         surprise = weight * (y[j] - x[j])
         for i in range(9):
             x[i] = x[i] + c[i] * surprise
@@ -289,7 +295,8 @@ def take(numbers, memory, now, reading):
     for i in range(9):
         for j in range(i):
             P[j][i] = P[i][j]
-    return corrected(now, Error((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])))
+    after = corrected(now, Error((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])))
+    return select(is_new > 0.0, after, now)
 
 
 class Kalman(KernelEstimator):

@@ -8,8 +8,21 @@ limits, the nominal vehicle's constants); what it remembers from period to perio
     command(numbers, chain, estimate, target, memory) -> command, memory
     delivered(numbers, chain, estimate, memory, delivery) -> memory
 
-`delivered` is called only where bounds of the rotors kept a command from being delivered. See
-`signals` for what goes in and out, and `fullam.numbers` for how a kernel is written.
+with
+
+    numbers     what `numbers()` of the class returned, a NamedTuple of numbers, vectors, records
+    chain       the nominal vehicle with its arm in motion, for `dynamics.recursion`: `root_wrench`
+                (inverse dynamics), `compensation` (u_dc), `platform_wrench`, ...
+    estimate    `Estimate`: pose, and velocity [dp, w], world axes
+    target      `Target`: pose, velocity and acceleration, world axes
+    command     `Command`: wrench at the origin of {A}, u_pid and u_dc, world axes
+    delivery    `Delivery`: what was achieved, and by how much it falls short
+    memory      a NamedTuple of the law's own
+
+`start` is called before the first period, `command` every period, `delivered` only where bounds of
+the rotors kept a command from being delivered. A kernel has no branch on data (both sides are
+computed and `select` takes one), no strings or objects inside, and its constants are numbers;
+`fullam.numbers` says more, and `fullam new controller my_law.py --kernel` writes a law that flies.
 """
 
 from __future__ import annotations

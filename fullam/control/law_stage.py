@@ -7,14 +7,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import shown
 from fullam.control.controller import Controller, Measurement, ReferencePoint
 from fullam.control.law import KernelLaw, flies_as_kernels
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial, rotate_spatial_back
+from fullam.exceptions import SettingsError
 from fullam.numbers.records import flat, record
 
 Array = NDArray[np.float64]
+
+
+def _six(law: Controller, name: str, part: Any) -> Spatial:
+    """Six numbers of anybody's law as a record."""
+    if np.shape(part) != (6,):
+        problem = f"is {shown(part)}, of shape {np.shape(part)}"
+        remedy = "return or set six numbers, linear then angular, world axes"
+        raise SettingsError(f"controller '{law.name}'", name, problem, remedy)
+    return record(Spatial, part)
 
 
 class LawStage:
@@ -47,8 +58,8 @@ class LawStage:
             law.reset(self._measurement, self._reference)
         t = k * law.period if self.t is None else self.t
         wrench = law.wrench(t, self._measurement, self._reference)
-        parts = wrench, law.u_pid, law.u_dc
-        view.command[0] = Command(*(record(Spatial, part) for part in parts))
+        parts = {"wrench": wrench, "u_pid": law.u_pid, "u_dc": law.u_dc}
+        view.command[0] = Command(*(_six(law, name, part) for name, part in parts.items()))
 
     def inform(self, deliveries: Any, k: int) -> None:
         """Tell the law what it did not get, given one row of `Delivery`."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fullam.control.law import KernelLaw, LawKernels
 from fullam.control.signals import Command
 from fullam.control.tracking import TrackingSettings
+from fullam.control.tunable import tunable
 from fullam.dynamics.so3 import boxminus, rotation_matrix
 from fullam.dynamics.spatial import (
     Spatial,
@@ -58,8 +59,12 @@ class PidSettings(TrackingSettings):
             kept in [0, bound]; six numbers [N, N m], world axes, or None for no bound.
     """
 
-    position_gains: tuple[float, float, float] = (9.6, 3.0, 6.0)
-    attitude_gains: tuple[float, float, float] = (40.0, 20.0, 11.0)
+    position_gains: tuple[float, float, float] = tunable(
+        (9.6, 3.0, 6.0), low=(2.0, 0.01, 1.0), high=(80.0, 100.0, 20.0)
+    )
+    attitude_gains: tuple[float, float, float] = tunable(
+        (40.0, 20.0, 11.0), low=(5.0, 0.05, 2.0), high=(300.0, 500.0, 60.0)
+    )
     integral_limits: tuple[float, float] = (4.0, 20.0)
     wrench_bounds: tuple[float, float, float, float, float, float] | None = None
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import hashlib
+import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -154,6 +156,11 @@ class Vehicle:
             "rotors": {name: getattr(self.rotors, name).tolist() for name in COLUMNS},
             "bodies": [_body(inertia) for inertia in self.model.inertias[1:]],
         }
+
+    def digest(self) -> str:
+        """Sixteen hexadecimal digits of its data: the same name may be another one tomorrow."""
+        text = json.dumps(self.to_data(), sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Vehicle:

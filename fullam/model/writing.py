@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -33,12 +34,12 @@ def write_vehicle(vehicle: Vehicle, path: str | Path) -> tuple[Path, Path]:
     with atomic_path(urdf) as temporary:
         temporary.write_text(vehicle.urdf, encoding="utf-8")
     with atomic_path(path) as temporary:
-        temporary.write_text(_toml(definition), encoding="utf-8")
+        temporary.write_text(toml_text(definition), encoding="utf-8")
     return path, urdf
 
 
-def _toml(definition: Mapping[str, Any]) -> str:
-    """A definition as TOML: values first, then tables, then arrays of tables."""
+def toml_text(definition: Mapping[str, Any]) -> str:
+    """A document as TOML: values first, then tables, then arrays of tables."""
     values, tables, lists = [], [], []
     for key, value in definition.items():
         if isinstance(value, Mapping):
@@ -54,7 +55,14 @@ def _entries(table: Mapping[str, Any]) -> str:
     return "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
 
 
+def _key(key: str) -> str:
+    return key if re.fullmatch("[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
+
+
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        pairs = (f"{_key(key)} = {_value(entry)}" for key, entry in value.items())
+        return f"{{ {', '.join(pairs)} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(entry) for entry in value)}]"
     if isinstance(value, str | bool):

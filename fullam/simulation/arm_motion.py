@@ -172,7 +172,7 @@ def tabulate(motion: Any, t: Array, initial: Array, joints: ArmJoints) -> ArmTab
 
 
 KINDS: dict[str, Any] = {
-    c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmRows, FollowsTool, ArmExcitation)
+    c.kind: c for c in (HoldArm, SineRate, JointTrajectory, ArmExcitation, ArmRows, FollowsTool)
 } | {
     "minimum-snap": JointTrajectory.minimum_snap,
     "b-spline": JointTrajectory.b_spline,

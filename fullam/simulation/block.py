@@ -196,7 +196,8 @@ class Block:
         """What the sensors' stage is shown."""
         rates, drawn = self.tables.rates, self.drawn
         inertial = drawn.inertial or self._empty(InertialNoise, 0)
-        return SenseView(self.state, self.poses, drawn.noise, inertial, rates, self.readings)
+        errors = drawn.noise, drawn.missing, inertial, drawn.gains
+        return SenseView(self.state, self.poses, *errors, rates, self.readings)
 
     def estimate_view(self) -> EstimateView:
         """What the estimator's stage is shown."""
@@ -210,10 +211,9 @@ class Block:
 
     def command_view(self, joints: Rows) -> CommandView:
         """What the law's first stage is shown; `joints` as the law wants to see them."""
-        t = self.tables
         return CommandView(
             self._law_numbers,
-            t.links,
+            self.plant.seen.links,
             joints,
             self.plant.seen.rows,
             self.target,
@@ -240,10 +240,9 @@ class Block:
 
     def inform_view(self, joints: Rows) -> InformView:
         """What the law's second stage is shown."""
-        t = self.tables
         return InformView(
             self._law_numbers,
-            t.links,
+            self.plant.seen.links,
             joints,
             self.plant.seen.rows,
             self.estimate,

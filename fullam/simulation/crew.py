@@ -66,7 +66,9 @@ class Draw(NamedTuple):
 
     noise: Any
     gust: Any
+    missing: Any
     inertial: Any
+    gains: Any
 
 
 class Aboard(NamedTuple):
@@ -94,7 +96,8 @@ class CrewChange:
         """Begin with the plan's own parts."""
         self._flight, self._plan = flight, plan
         sensing, moving = flight.stages["sense"][1], flight.stages["move"][1]
-        draw = Draw(sensing.noise, moving.gusts, sensing.inertial)
+        parts = sensing.missing, sensing.inertial, sensing.gains
+        draw = Draw(sensing.noise, moving.gusts, *parts)
         memory = flight.stages["allocate"][1].memory
         self.aboard = Aboard(Crew(), flight.controller, flight.estimator, memory, draw, plan.trim)
 
@@ -140,18 +143,26 @@ class CrewChange:
     def _drawn(self, chosen: Intervention | None) -> Draw:
         """The same seed's draws of a weather, from its first period on."""
         drawn = forecast(self._weather(chosen), self._plan.seed, self._plan.t)
-        inertial = np.hstack([drawn.gyroscope_noise, drawn.accelerometer_noise])
-        rows = Rows(Spatial, drawn.pose_noise), Rows(Spatial, drawn.disturbance)
-        return Draw(*map(Long, (*rows, Rows(InertialNoise, inertial))))
+        rows = (
+            Rows(Spatial, drawn.pose_noise),
+            Rows(Spatial, drawn.disturbance),
+            Rows(float, drawn.missing[:, None]),
+            Rows(InertialNoise, drawn.inertial_noise),
+            Rows(InertialNoise, drawn.gains[None]),
+        )
+        return Draw(*map(Long, rows))
 
     def _sense(self) -> None:
         """Show the sensors the weather, and have read what the estimator needs."""
         draw, stages = self.aboard.draw, self._flight.stages
         inertial = self.aboard.estimator.needs_inertial
         if inertial and not len(draw.inertial):
-            draw = draw._replace(inertial=self._drawn(self.aboard.crew.weather).inertial)
+            drawn = self._drawn(self.aboard.crew.weather)
+            draw = draw._replace(inertial=drawn.inertial, gains=drawn.gains)
             self._put(draw=draw)
-        view = stages["sense"][1]._replace(noise=draw.noise, inertial=draw.inertial)
+        errors = draw._asdict()
+        del errors["gust"]
+        view = stages["sense"][1]._replace(**errors)
         stages["sense"] = (sense_all if inertial else sense), view
 
     def _estimator(self, crew: Crew) -> Estimator:

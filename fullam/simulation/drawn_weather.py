@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fullam.dynamics.spatial import Spatial, axpy_spatial, multiply_spatial
-from fullam.numbers.kernel import Number, absolute, kernel
+from fullam.dynamics.spatial import Spatial, add_spatial, axpy_spatial, multiply_spatial
+from fullam.numbers.kernel import Number, absolute, kernel, sqrt
 from fullam.numbers.random_streams import draw_normals, next_normal, next_uniform, stream
 from fullam.numbers.records import one
-from fullam.numbers.vectors import ZERO, Vector, scale
+from fullam.numbers.vectors import ZERO, Vector, add, axpy, dot, scale
 from fullam.simulation.true_vehicle import write_vehicle
 from fullam.simulation.weather import STREAMS
 
-NOISE, GUSTS, INERTIAL, PARAMETERS = range(len(STREAMS))
+NOISE, GUSTS, INERTIAL, PARAMETERS, BIASES, DRIFTS, GAPS, OUTLIERS = range(len(STREAMS))
 """Numbers of the streams."""
 
 
@@ -28,7 +28,10 @@ class Source(NamedTuple):
 
 
 class InertialNoise(NamedTuple):
-    """Noise of the gyroscope [rad/s] and of the accelerometer [m/s^2] in a control period."""
+    """What is added to gyroscope [rad/s] and accelerometer [m/s^2], or what they make of 1.
+
+    Added in a control period are noise, bias and drift.
+    """
 
     gyroscope: Vector
     accelerometer: Vector
@@ -70,6 +73,48 @@ class InertialView(NamedTuple):
     sigma: Any
     draws: Any
     inertial: Any
+
+
+class OffsetView(NamedTuple):
+    """Source, bounds (12) and steps of the walks (2), room for drawn errors and for the draws.
+
+    And what is written: gains (one row), and the noise that offsets are added to.
+    """
+
+    source: Source
+    bounds: Any
+    steps: Any
+    errors: Any
+    draws: Any
+    gains: Any
+    inertial: Any
+
+
+class OutlierView(NamedTuple):
+    """Source, probability, distance and angle (3), room for the draws; the noise of the poses."""
+
+    source: Source
+    kind: Any
+    draws: Any
+    noise: Any
+
+
+class GapView(NamedTuple):
+    """Source, `Gaps`, and what is written: 1 where no pose arrives."""
+
+    source: Source
+    gaps: Any
+    missing: Any
+
+
+class Gaps(NamedTuple):
+    """How many are drawn, periods of each, interval, interval less duration, control period."""
+
+    drawn: Number
+    rows: Number
+    interval: Number
+    spare: Number
+    period: Number
 
 
 class VehicleView(NamedTuple):
@@ -141,6 +186,70 @@ def draw_inertial(view, lane):
             scale(sigma[0], (draws[i], draws[i + 1], draws[i + 2])),
             scale(sigma[1], (draws[j], draws[j + 1], draws[j + 2])),
         )
+
+
+@kernel
+def draw_offsets(view, lane):
+    """Draw biases, scale errors and drifts; add the offsets to the noise."""
+    state, errors = stream(view.source.seeds[lane], BIASES), view.errors
+    for i in range(len(errors)):
+        state, u = next_uniform(state)
+        errors[i] = view.bounds[i] * (-1.0 + 2.0 * u)
+    one(view.gains, lane)[0] = InertialNoise(
+        (1.0 + errors[6], 1.0 + errors[7], 1.0 + errors[8]),
+        (1.0 + errors[9], 1.0 + errors[10], 1.0 + errors[11]),
+    )
+    draws, inertial, steps = view.draws, one(view.inertial, lane), view.steps
+    draw_normals(stream(view.source.seeds[lane], DRIFTS), view.source.layers, draws)
+    b_w, b_f = (errors[0], errors[1], errors[2]), (errors[3], errors[4], errors[5])
+    w, f, count = ZERO, ZERO, len(inertial)
+    for k in range(count):
+        i, j = 3 * k, 3 * (count + k)
+        w = axpy(steps[0], (draws[i], draws[i + 1], draws[i + 2]), w)
+        f = axpy(steps[1], (draws[j], draws[j + 1], draws[j + 2]), f)
+        noise = inertial[k]
+        inertial[k] = InertialNoise(
+            add(noise.gyroscope, add(b_w, w)), add(noise.accelerometer, add(b_f, f))
+        )
+
+
+@kernel
+def draw_outliers(view, lane):
+    """Draw which poses are outliers, and add to their noise what makes them so."""
+    draws, kind, noise = view.draws, view.kind, one(view.noise, lane)
+    state = stream(view.source.seeds[lane], OUTLIERS)
+    for k in range(len(noise)):
+        state, u = next_uniform(state)
+        draws[6 + k] = u
+    for k in range(len(noise)):
+        if draws[6 + k] < kind[0]:
+            for i in range(6):
+                state, x = next_normal(state, view.source.layers)
+                draws[i] = x
+            if k > 0:
+                way, turn = six(draws, 0)
+                added = Spatial(lengthened(kind[1], way), lengthened(kind[2], turn))
+                noise[k] = add_spatial(noise[k], added)
+
+
+@kernel
+def lengthened(size, a):
+    """The vector of that length along a."""
+    return scale(size / sqrt(dot(a, a)), a)
+
+
+@kernel
+def draw_gaps(view, lane):
+    """Draw when poses are missing."""
+    gaps, missing = view.gaps[0], one(view.missing, lane)
+    state = stream(view.source.seeds[lane], GAPS)
+    for k in range(len(missing)):
+        missing[k] = 0.0
+    for i in range(int(gaps.drawn)):
+        state, u = next_uniform(state)
+        first = int((i * gaps.interval + u * gaps.spare) / gaps.period) + 1
+        for k in range(first, min(first + int(gaps.rows), len(missing))):
+            missing[k] = 1.0
 
 
 @kernel

@@ -24,20 +24,28 @@ from fullam.numbers.program import Program, Stage, program
 from fullam.numbers.random_streams import Seed, seed_words, ziggurat
 from fullam.numbers.records import Rows
 from fullam.simulation.drawn_weather import (
+    Gaps,
+    GapView,
     GustEntry,
     GustView,
     InertialNoise,
     InertialView,
     NoiseView,
+    OffsetView,
+    OutlierView,
     Source,
     VehicleView,
+    draw_gaps,
     draw_gusts,
     draw_inertial,
     draw_noise,
+    draw_offsets,
+    draw_outliers,
     draw_vehicle,
 )
+from fullam.simulation.sensor_errors import gap_counts
 from fullam.simulation.true_vehicle import Nominal, RotorRow, nominal_rows, write_vehicle
-from fullam.simulation.weather import PAPER, GustTable, Weather, forecast
+from fullam.simulation.weather import PAPER, GustTable, Weather, control_period, forecast
 
 Array = NDArray[np.float64]
 
@@ -97,7 +105,10 @@ class Drawn:
             {A}) [rad].
         gust: `Spatial` rows, a control period each: wrench on the platform at its origin, world
             axes, held over the period [N, N m].
+        missing: Numbers, 1 for each control period that no pose arrives in, else 0; a single 0 in
+            a weather without gaps.
         inertial: `InertialNoise` rows, a control period each; None if they are not asked for.
+        gains: `InertialNoise`, one row: what gyroscope and accelerometer make of 1.
         links: `Link` rows of the true vehicle.
         rotors: `RotorRow` rows of it.
     """
@@ -108,7 +119,11 @@ class Drawn:
         self._nominal = Nominal(*(rows.to_list() for rows in draws.nominal))
         self.noise = Rows.empty(Spatial, count, lanes=lanes)
         self.gust = Rows.empty(Spatial, count, lanes=lanes)
+        gaps = count if draws.weather.sensors.have_gaps else 1
+        self.missing = Rows.empty(float, gaps, lanes=lanes)
         self.inertial = Rows.empty(InertialNoise, count, lanes=lanes) if inertial else None
+        self.gains = Rows.empty(InertialNoise, 1, lanes=lanes)
+        self.gains.array[:] = 1.0
         self.links = Rows.empty(Link, len(draws.nominal.links.array), lanes=lanes)
         self.rotors = Rows.empty(RotorRow, len(draws.nominal.rotors.array), lanes=lanes)
         self._seeds = Rows.empty(Seed, max(lanes, 1))
@@ -158,9 +173,10 @@ class Drawn:
     def _stages(self, source: Source) -> Iterator[Stage]:
         """What draws; nothing for what is certain."""
         weather, gusts, shares = self._draws.weather, self._draws.gusts, self._draws.shares
-        room = Rows.empty(float, 6 * max(self._draws.t.size, gusts.gusts))
-        if weather.noise_scale.any():
+        room = Rows.empty(float, 6 * max(self._draws.t.size + 1, gusts.gusts))
+        if weather.noise_scale.any() or weather.sensors.have_outliers:
             yield _noise_stage(source, weather, room, self.noise)
+        yield from self._lost_pose_stages(source, room)
         if weather.gust_scale.any() and gusts.period.size:
             entries = np.stack([gusts.period, gusts.gust, gusts.share], axis=1)
             drawn = _first(room, 6 * gusts.gusts)
@@ -174,11 +190,7 @@ class Drawn:
                     self.gust,
                 ),
             )
-        inertial = [[weather.gyroscope_noise], [weather.accelerometer_noise]]
-        if self.inertial is not None and np.any(inertial):
-            drawn = _first(room, 6 * self._draws.t.size)
-            view = InertialView(source, Rows(float, inertial), drawn, self.inertial)
-            yield Stage(draw_inertial, view)
+        yield from self._inertial_stages(source, room)
         if shares.any():
             factors = Rows(float, np.ones((shares.size + 1, 1)))
             yield Stage(
@@ -193,6 +205,35 @@ class Drawn:
                 ),
             )
 
+    def _lost_pose_stages(self, source: Source, room: Rows) -> Iterator[Stage]:
+        """What makes poses outliers, and what takes some away."""
+        errors, t = self._draws.weather.sensors, self._draws.t
+        if errors.have_outliers:
+            kind = Rows(float, [[errors.outlier_share], *errors.outlier[:, None]])
+            drawn = _first(room, 6 + t.size)
+            yield Stage(draw_outliers, OutlierView(source, kind, drawn, self.noise))
+        if errors.have_gaps:
+            period = control_period(t, self._draws.weather)
+            spare = errors.gap_interval - errors.gap_duration
+            counts = gap_counts(errors, t.size, period)
+            gaps = Rows(Gaps, [[*counts, errors.gap_interval, spare, period]])
+            yield Stage(draw_gaps, GapView(source, gaps, self.missing))
+
+    def _inertial_stages(self, source: Source, room: Rows) -> Iterator[Stage]:
+        """What is read off the inertial sensors beside the truth."""
+        weather, t = self._draws.weather, self._draws.t
+        period = control_period(t, weather)
+        scales, errors = weather.inertial_scale(period), weather.sensors
+        if self.inertial is None or not (any(scales) or errors.are_biased):
+            return
+        drawn, sigma = _first(room, 6 * t.size), Rows(float, np.array([scales]).T)
+        yield Stage(draw_inertial, InertialView(source, sigma, drawn, self.inertial))
+        if errors.are_biased:
+            bounds = Rows(float, errors.bounds[:, None])
+            steps = Rows(float, (errors.drift * np.sqrt(period))[:, None])
+            drawing = source, bounds, steps, Rows.empty(float, 12), drawn
+            yield Stage(draw_offsets, OffsetView(*drawing, self.gains, self.inertial))
+
     def _fill_by_forecast(self, seed: int, lane: int) -> None:
         """The same draws by `forecast` and `draw_factors`."""
         draws = self._draws
@@ -200,8 +241,10 @@ class Drawn:
         _put(self.noise, draw.pose_noise, lane)
         _put(self.gust, draw.disturbance, lane)
         if self.inertial is not None:
-            sensors = [draw.gyroscope_noise, draw.accelerometer_noise]
-            _put(self.inertial, np.concatenate(sensors, axis=1), lane)
+            _put(self.inertial, draw.inertial_noise, lane)
+            _put(self.gains, draw.gains[None], lane)
+        if draws.weather.sensors.have_gaps:
+            _put(self.missing, draw.missing[:, None], lane)
         self._put_vehicle(draw_factors(draws.shares, draw.parameters), lane)
 
     def _put_vehicle(self, factors: Array, *lanes: int) -> None:

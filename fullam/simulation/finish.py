@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.control.controllers import plain_settings
 from fullam.control.trim import Trim
 from fullam.dynamics.quaternions import from_rotation_vector
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.flown_plugins import plugins_of
 from fullam.simulation.oscillation import flight_swing
 from fullam.simulation.run import FORMAT, Run, columns_of
 from fullam.version import __version__, version_of
@@ -57,12 +59,13 @@ def finish(
     if outcome == "completed" and not touched:  # who was pulled about may swing
         swings = flight_swing(plan, out["pose"])
         outcome, reason = ("oscillating", str(swings)) if swings else (outcome, reason)
+    plugins = plugins_of(plan.controller, plan.simulation.estimator, more.get("script"))
     metadata = {
         "format": FORMAT,
         "scenario": plan.scenario.to_dict(),
         "vehicle": plan.nominal.to_data(),
         "controller": plan.controller,
-        "settings": plan.settings.to_dict(),
+        "settings": plain_settings(plan.controller, plan.settings),
         "simulation": plan.simulation.to_dict(),
         "weather": plan.weather.to_dict(),
         "seed": plan.seed,
@@ -70,6 +73,7 @@ def finish(
         "reason": reason,
         "driver": driver,
         "versions": _versions(driver),
+        **({"plugins": plugins} if plugins else {}),
         **trim_data(plan.trim),
         **more,
     }

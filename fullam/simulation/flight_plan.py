@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fullam.control.allocation import Allocator
 from fullam.control.controller import Controller
-from fullam.control.controllers import controller_class, recommended_estimator
+from fullam.control.controllers import controller_class, plain_settings, recommended_estimator
 from fullam.control.estimator import Datasheet, Estimator
 from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.control.trim import Trim
@@ -25,6 +25,7 @@ from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
+from fullam.simulation.plant_settings import plant_settings
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -93,15 +94,19 @@ class FlightPlan:
         Raises:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
-                memory or a motion of one's own more rows than fit into a record, or the seed is no
-                whole number from 0 on.
+                memory or a motion of one's own more rows than fit into a record, its steps are too
+                long for the servos, or the seed is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
+            SettingsError: The controller's settings hold what cannot be saved.
         """
         vehicle.require_full_actuation(np.array(scenario.axes_mask))
+        plain_settings(controller, settings)  # what no record can keep is refused before take-off
         simulation.check_length(scenario.duration)
         simulation = simulation.with_estimator(recommended_estimator(controller))
-        scenario.check_plant(simulation.plant)
         scenario = with_tool_solved(scenario, vehicle)
+        scenario.check_plant(simulation.plant)
+        plant = plant_settings(simulation.plant, simulation.plant_settings)
+        plant.check_step(vehicle, simulation.integrator, simulation.plant_period)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
         t = np.arange(rows, dtype=np.float64) * period
@@ -204,19 +209,33 @@ def checked_seed(seed: int) -> int:
 
 def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: float) -> Estimator:
     """The estimator that the settings name, at their rates; it knows the noise's statistics."""
-    sheet = Datasheet(
-        position_noise=weather.position_noise,
-        attitude_noise=float(np.radians(weather.attitude_noise_deg)),
-        gyroscope_noise=weather.gyroscope_noise,
-        accelerometer_noise=weather.accelerometer_noise,
-        delay_periods=simulation.delay_periods,
-        pose_every=simulation.pose_every,
-        gravity=gravity,
-    )
+    sheet = datasheet(simulation, weather, gravity)
     assert simulation.estimator is not None, "FlightPlan.prepare names it"
     cls = estimator_class(simulation.estimator)
     settings = make_estimator_settings(simulation.estimator, simulation.estimator_settings)
     return cls(sheet, settings, simulation.control_period)
+
+
+def datasheet(simulation: SimulationSettings, weather: Weather, gravity: float) -> Datasheet:
+    """What the makers of the sensors state of them; a bound counts as sqrt(3) deviations."""
+    gyroscope, accelerometer = weather.inertial_scale(simulation.control_period)
+    drift = weather.sensors.drift
+    sigma = weather.sensors.bounds.reshape(4, 3).max(axis=1) / np.sqrt(3.0)
+    return Datasheet(
+        position_noise=weather.position_noise,
+        attitude_noise=float(np.radians(weather.attitude_noise_deg)),
+        gyroscope_noise=gyroscope,
+        accelerometer_noise=accelerometer,
+        delay_periods=simulation.delay_periods,
+        pose_every=simulation.pose_every,
+        gravity=gravity,
+        gyroscope_bias=float(sigma[0]),
+        accelerometer_bias=float(sigma[1]),
+        gyroscope_drift=float(drift[0]),
+        accelerometer_drift=float(drift[1]),
+        gyroscope_scale=float(sigma[2]),
+        accelerometer_scale=float(sigma[3]),
+    )
 
 
 def hover_speeds(plan: FlightPlan, allocator: Allocator) -> Array:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from fullam.checks import Checker, positive, shown, within
-from fullam.control.controllers import make_settings
-from fullam.control.estimators import make_estimator_settings
+from fullam.control.controllers import make_settings, plain_settings
+from fullam.control.estimators import make_estimator_settings, plain_estimator_settings
 from fullam.exceptions import InvalidInput
 from fullam.simulation.hand_force import POINTS
 from fullam.simulation.settings import MOST_TICKS
@@ -90,11 +90,13 @@ def _arm(check: Checker, values: Values) -> Values:
     return {"positions": list(check.vector("positions", values.get("positions"), None, TURNED))}
 
 
-def _named(make: Callable[[str, Values], Any]) -> Callable[[Checker, Values], Values]:
+def _named(
+    make: Callable[[str, Values], Any], plain: Callable[[str, Any], Values]
+) -> Callable[[Checker, Values], Values]:
     def read(check: Checker, values: Values) -> Values:
         name = check.text("name", values.get("name"))
         settings = check.table("settings", values.get("settings") or {})
-        return {"name": name, "settings": make(name, settings).to_dict()}
+        return {"name": name, "settings": plain(name, make(name, settings))}
 
     return read
 
@@ -122,8 +124,8 @@ KINDS: Mapping[str, Callable[[Checker, Values], Values]] = {
     "pull": _pull,
     "release": lambda check, values: {},
     "arm": _arm,
-    "controller": _named(make_settings),
-    "estimator": _named(make_estimator_settings),
+    "controller": _named(make_settings, plain_settings),
+    "estimator": _named(make_estimator_settings, plain_estimator_settings),
     "weather": _weather,
     "rotor": _rotor,
 }

@@ -45,10 +45,12 @@ class Surroundings(NamedTuple):
 class SeenArm(NamedTuple):
     """The arm as the controller sees it: rows, so many in a control period.
 
-    Its motion, the nominal vehicle's joints placed by it, and its centre of mass with them. A plant
-    that knows them ahead has a row for every half step; one that senses rewrites one row.
+    The nominal links, in as many lanes as the joints; the arm's motion, the joints placed by it,
+    and the centre of mass with them. A plant that knows them ahead has a row for every half step;
+    one that senses rewrites one row.
     """
 
+    links: Rows
     motions: Rows
     joints: Rows
     centers: Rows

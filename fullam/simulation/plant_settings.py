@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
+
+import numpy as np
 
 from fullam.checks import Checker
 from fullam.control.arm_feedback import FEEDBACK
 from fullam.control.arm_goals import FEED_FORWARD
-from fullam.exceptions import SettingsError, UnknownName
+from fullam.dynamics.integrators import integrator
+from fullam.exceptions import ScenarioError, SettingsError, UnknownName
+from fullam.model.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
 class PrescribedSettings:
     """Joints follow their motion theta(t) exactly: there is nothing to choose."""
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """Any time step will do."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,33 @@ class ServoSettings:
             value = getattr(self, name)
             if not isinstance(value, str) or value not in known:
                 raise UnknownName(f"{name} of plant 'servo'", str(value), tuple(known))
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """Refuse a time step at which the rule cannot hold the servos.
+
+        The joints' inertia, the platform free, is at least that of their motors' rotors: no decay
+        is faster than d / armature, no swing faster than sqrt((k + stop) / armature).
+
+        Args:
+            vehicle: The vehicle, for its servos.
+            integrator_name: Name of the plant's integrator.
+            period: Its time step [s].
+
+        Raises:
+            ScenarioError: The step is too long; the message names one that is not.
+        """
+        servos = vehicle.servos
+        rates = [servos.damping / servos.armature]
+        rates.append(np.sqrt((servos.stiffness + servos.stop) / servos.armature))
+        fastest = float(np.max(rates, initial=0.0))
+        most = integrator(integrator_name).stable / max(fastest, 1e-300)
+        if period > most:
+            raise ScenarioError(
+                "simulation settings",
+                "plant_period",
+                f"is {period:g} s, but the servos' fastest motion takes {1.0 / fastest:.2g} s",
+                f"give at most {most:.2g} s, or servos with more armature in the vehicle's [servo]",
+            )
 
 
 PLANT_SETTINGS: dict[str, type[Any]] = {
@@ -66,9 +100,3 @@ def plant_settings(name: str, changes: Mapping[str, Any]) -> Any:
                 f"it has {', '.join(known) or 'none'}",
             )
     return cls(**changes)
-
-
-def changed_settings(settings: Any) -> dict[str, Any]:
-    """Those of a plant's settings that differ from its defaults."""
-    default = asdict(type(settings)())
-    return {name: value for name, value in asdict(settings).items() if value != default[name]}

@@ -21,7 +21,7 @@ class PrescribedPlant(Plant):
         """Read the arm from the plan's tables."""
         super().__init__(around)
         tables = around.tables
-        self.seen = SeenArm(tables.motions, *tables.placed, tables.joint_rows)
+        self.seen = SeenArm(tables.links, tables.motions, *tables.placed, tables.joint_rows)
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""

@@ -179,7 +179,7 @@ class Circle:
 
 
 KINDS: dict[str, Any] = {
-    c.kind: c for c in (Step, Waypoints, Circle, Trajectory, ReferenceRows, FollowsTool, Excitation)
+    c.kind: c for c in (Step, Waypoints, Circle, Trajectory, Excitation, ReferenceRows, FollowsTool)
 } | {"minimum-snap": Trajectory.minimum_snap, "b-spline": Trajectory.b_spline}
 """What a scenario's table may name, and what makes a reference of its other entries."""
 

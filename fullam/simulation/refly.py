@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.flown_plugins import require_plugins
 from fullam.simulation.hand_force import HandForce, Holds, felt, still_pushing
 from fullam.simulation.hands import force_after
 from fullam.simulation.interactive import InteractiveFlight
@@ -24,7 +25,14 @@ def refly(run: Run) -> Run:
 
     What hands did to it is done again. A true vehicle that somebody put in
     (`FlightPlan.with_true`) is in no record: the seed's flies.
+
+    Raises:
+        PluginError: A plugin that flew is not loaded here; the message names it.
+
+    Warns:
+        FullamWarning: A plugin that flew has changed since.
     """
+    require_plugins(run.plugins, f"the record of {run.controller}")
     if run.script is not None:
         return _refly_script(run)
     return simulate(
@@ -44,9 +52,11 @@ def plan_of(run: Run, scenario: Scenario | None = None) -> FlightPlan:
     """What a record is the flight of, or would be in another scenario.
 
     Raises:
+        PluginError: A plugin that flew is not loaded here.
         UnknownName: Its law or its estimator is not registered here.
         SettingsError: The law takes other settings here.
     """
+    require_plugins(run.plugins, f"the record of {run.controller}")
     return prepare(
         scenario or run.scenario,
         run.controller,

@@ -229,6 +229,11 @@ class Run:
         return self.metadata.get("script")
 
     @property
+    def plugins(self) -> list[dict[str, Any]]:
+        """Plugins that flew: "name" and "digest" of each, and what of it "flew"; mostly none."""
+        return list(self.metadata.get("plugins", []))
+
+    @property
     def driver(self) -> str:
         """Who flew it: "python" or "fused"."""
         return str(self.metadata["driver"])
@@ -274,6 +279,7 @@ class Run:
 
         Raises:
             RunFileError: The file is missing, truncated, or no run of this format; see `run_file`.
+            PluginError: Its estimator is of a plugin that is not loaded; the message names it.
         """
         if not isinstance(path, str | Path):
             raise RunFileError("Run.load", "path", f"is {shown(path)}", "give a path")

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.checks import Checker, Range, shown
-from fullam.exceptions import FullamError, RunFileError
+from fullam.exceptions import FullamError, RunFileError, UnknownName
 from fullam.model.vehicle import Vehicle
+from fullam.simulation.flown_plugins import check_plugins, require_plugins
 from fullam.simulation.interventions import read_script
 from fullam.simulation.scenario import LONGEST, Scenario
 from fullam.simulation.settings import MOST_TICKS, SimulationSettings
@@ -84,6 +85,7 @@ def read(path: Path, format: Format) -> tuple[dict[str, Array], dict[str, Any]]:
     Raises:
         RunFileError: It is missing, truncated, damaged, no run of this format, or holds what no
             flight can have recorded. The message names the entry.
+        PluginError: An estimator, or what hands put in, is of a plugin that is not loaded.
     """
     check = Checker(str(path), RunFileError)
     try:
@@ -193,6 +195,7 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         check.text(name, metadata[name])
     check.text("reason", metadata["reason"], prose=True)
     check.whole("seed", metadata["seed"])
+    check_plugins(metadata.get("plugins", []), check)
     trim = check.table("trim", metadata.get("trim", {"says": ""}))
     check.text("trim", trim.get("says"), prose=True)
     if metadata["outcome"] not in OUTCOMES:
@@ -204,9 +207,9 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         Weather.from_dict(metadata["weather"])
         vehicle = Vehicle.from_data(metadata["vehicle"])
     except FullamError as error:
-        raise check.refuse("metadata", str(error).rstrip("."), "save the run again") from error
+        raise _refused("metadata", error, metadata, check) from error
     if "script" in metadata:
-        _check_script(metadata["script"], scenario.duration, check)
+        _check_script(metadata, scenario.duration, check)
     rows = arrays["t"].size
     for name, width, count in (
         ("arm", vehicle.n_arm, arrays["arm"].shape[1]),
@@ -223,15 +226,24 @@ def _check_metadata(metadata: dict[str, Any], arrays: dict[str, Array], check: C
         raise check.refuse("t", "does not go in steps of control_period", "save the run again")
 
 
-def _check_script(script: Any, duration: float, check: Checker) -> None:
+def _refused(
+    field: str, error: FullamError, metadata: dict[str, Any], check: Checker
+) -> FullamError:
+    """The error for metadata that make none of our objects; of a name, whose plugin is not here."""
+    if isinstance(error, UnknownName):
+        require_plugins(metadata.get("plugins", []), check.where)
+    return check.refuse(field, str(error).rstrip("."), "save the run again")
+
+
+def _check_script(metadata: dict[str, Any], duration: float, check: Checker) -> None:
     """What hands did is in order, and the flight was meant to last as long at least."""
-    table = check.table("script", script)
+    table = check.table("script", metadata["script"])
     check.known(table, ("horizon", "interventions"))
     check.number("horizon", table.get("horizon"), Range(duration, LONGEST, "s"))
     try:
         read_script(table.get("interventions"))
     except FullamError as error:
-        raise check.refuse("script", str(error).rstrip("."), "save the run again") from error
+        raise _refused("script", error, metadata, check) from error
 
 
 def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Checker) -> None:

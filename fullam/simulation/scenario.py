@@ -13,6 +13,7 @@ from fullam.checks import Checker, positive, read_toml, shown
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import InvalidInput, ScenarioError, UnknownName
 from fullam.model.vehicle import Vehicle
+from fullam.plugins import discover
 from fullam.registry import Registry
 from fullam.simulation import arm_motion, references
 from fullam.simulation.arm_motion import ArmMotion, HoldArm
@@ -62,10 +63,10 @@ class Scenario:
             allocation. A platform that cannot control them all is meant to stay near level.
         weather: What spoils the flight unless the caller says otherwise.
         shaping: How the reference is blended and anticipated before the law sees it.
-        world: What the tool may touch.
-        payloads: What the tool picks up.
         tool: What the tool should do. Where `reference` is left out, the motions of platform and
             arm follow from it; else the tool is only measured against it.
+        world: What the tool may touch.
+        payloads: What the tool picks up.
     """
 
     name: str
@@ -80,9 +81,9 @@ class Scenario:
     axes: tuple[str, ...] = AXES
     weather: Weather = PAPER
     shaping: Shaping = SHAPED
+    tool: ToolTask | None = None
     world: tuple[Surface, ...] = ()
     payloads: tuple[Payload, ...] = ()
-    tool: ToolTask | None = None
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -234,19 +235,19 @@ class Scenario:
             data[name] = references.to_dict(data[name])
         data["weather"] = self.weather.to_dict()
         data["shaping"] = self.shaping.to_dict()
-        for name in ("world", "payloads"):
-            data[name] = [thing.to_dict() for thing in getattr(self, name)]
         if self.tool is None:
             del data["tool"]
         else:
             data["tool"] = self.tool.to_dict()
+        for name in ("world", "payloads"):
+            data[name] = [thing.to_dict() for thing in getattr(self, name)]
         return data
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
         """Build a scenario from plain data.
 
-        `weather` may be a name ("calm", "recorded", "paper") or a table of its fields.
+        `weather` may be a name ("calm", "recorded", "paper", "sold") or a table of its fields.
 
         Raises:
             ScenarioError: An unknown field, or a value that does not fit.
@@ -273,11 +274,11 @@ class Scenario:
             values["weather"] = Weather.from_dict(values["weather"])
         if "shaping" in values:
             values["shaping"] = Shaping.from_dict(values["shaping"])
+        if values.get("tool") is not None:
+            values["tool"] = ToolTask.from_dict(values["tool"])
         for name, read in (("world", surface), ("payloads", Payload.from_dict)):
             if isinstance(values.get(name), list | tuple):
                 values[name] = tuple(read(table) for table in values[name])
-        if values.get("tool") is not None:
-            values["tool"] = ToolTask.from_dict(values["tool"])
         return values
 
 
@@ -292,7 +293,8 @@ def register_scenario(scenario: Scenario) -> Scenario:
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the registered scenarios, in the order of registration."""
+    """Names of the registered scenarios, in the order of registration; those of plugins too."""
+    discover()
     return tuple(_REGISTRY)
 
 

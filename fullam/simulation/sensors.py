@@ -1,7 +1,7 @@
 """What the vehicle senses of itself: late, slow and noisy poses, and inertial readings.
 
-A pose is taken every few control periods and arrives some periods later, so the last true poses
-are kept in a ring, as many as one is old plus one. Nothing here knows of a log.
+A pose is taken every few control periods and arrives some periods later, unless it is missing; so
+the last true poses are kept in a ring, as many as one is old plus one. Nothing here knows of a log.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from fullam.control.estimator import Inertial
 from fullam.dynamics.so3 import boxplus, rotation_matrix
 from fullam.dynamics.spatial import Pose
 from fullam.numbers.kernel import kernel
-from fullam.numbers.vectors import add, axpy, cross
+from fullam.numbers.vectors import add, axpy, cross, multiply
 
 
 @kernel
@@ -39,16 +39,22 @@ def sense_pose(ring, noise, last, every, k):
 
 
 @kernel
-def sense_inertial(attitude, velocity, acceleration, gravity, noise):
+def sense_inertial(attitude, velocity, acceleration, gravity, gains, noise):
     """Gyroscope w and accelerometer R^T (ddp_A - g) = a + w x v - R^T g, in {A} axes.
+
+    Each entry is multiplied by its gain, and what is off is added.
 
     Args:
         attitude: True attitude.
         velocity: True [v_A, w_A], {A} axes.
         acceleration: Its derivative [dv_A, dw_A], {A} axes, as in Pinocchio.
         gravity: [m/s^2], along -z of {W}.
-        noise: Of this period, `Inertial`.
+        gains: What the sensors make of 1, `Inertial`.
+        noise: Of this period, with bias and drift, `Inertial`.
     """
     R, w = rotation_matrix(attitude), velocity.angular
     felt = axpy(gravity, R[6:9], add(acceleration.linear, cross(w, velocity.linear)))
-    return Inertial(add(w, noise.gyroscope), add(felt, noise.accelerometer))
+    return Inertial(
+        add(multiply(gains.gyroscope, w), noise.gyroscope),
+        add(multiply(gains.accelerometer, felt), noise.accelerometer),
+    )

@@ -39,7 +39,7 @@ from fullam.dynamics.spatial import (
 )
 from fullam.model.servos import Servos
 from fullam.model.vehicle import Vehicle
-from fullam.numbers.kernel import Number, kernel
+from fullam.numbers.kernel import Number, kernel, subroutine
 from fullam.numbers.records import flat, record
 from fullam.numbers.vectors import ZERO, add, axpy, cross, rotate, subtract
 from fullam.simulation.plant import State, spin, wrench_at
@@ -153,7 +153,7 @@ def servo_rate(name: str, solve: Function = by_recursion, contact: Function = no
     """The derivative of the twist that moves the joints, too, by the integrator of that name."""
     weights = integrator(name).weights
 
-    @kernel
+    @subroutine
     def twist_and_joint_rates(system, stage, pose, twist):
         view, half, weight = system.rows, half_steps(stage), weights[stage]
         room, ahead = view.room, 0.5 * half * system.period

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fullam.control.arm_feedback import (
     DIFFERENCE_LAG,
     FEEDBACK,
-    SLOWEST_STEP,
+    LONGEST_STEP,
     EncodeView,
     FeedbackNumbers,
 )
@@ -68,10 +68,9 @@ class ServoPlant(Plant):
         assert isinstance(settings, ServoSettings)
         self.settings = settings
         self.servos = Rows(ServoNumbers, plan.nominal.servos.rows)
-        # One a lane, as the true ones: what is placed on them has lanes from the first link on.
-        self._links = self._empty(Link, n + 1)
-        links = around.tables.links.array
-        self._links.array[:] = links[..., None] if around.lanes else links
+        # For each lane, as the true ones are: what is placed on them has lanes from the first on.
+        own, links = self._empty(Link, n + 1), around.tables.links.array
+        own.array[:] = links[..., None] if around.lanes else links
         self.arm: Rows = self._empty(JointMotion, n)
         self.goals = self._empty(float, n)
         self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
@@ -88,6 +87,7 @@ class ServoPlant(Plant):
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
+            own,
             self._empty(JointMotion, 1, n),
             self._empty(Joint, 1, n),
             self._empty(Vector, 1),
@@ -152,7 +152,7 @@ class ServoPlant(Plant):
         shares = FEED_FORWARD[self.settings.feed_forward]
         return GoalView(
             Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
-            self._links,
+            self.seen.links,
             self.servos,
             t.motions,
             t.joint_rows,
@@ -166,7 +166,7 @@ class ServoPlant(Plant):
         period = t.plan.simulation.control_period
         numbers = FeedbackNumbers(
             period,
-            float(max(1, math.ceil(period / SLOWEST_STEP - 1e-9))),
+            self._twin_steps(period),
             t.plan.nominal.gravity,
             1.0 - math.exp(-period / DIFFERENCE_LAG),
         )
@@ -180,8 +180,14 @@ class ServoPlant(Plant):
             self.around.estimate,
             self._memory,
             self._twin_room,
-            PlaceView(self._links, seen.motions, seen.joints, seen.centers),
+            PlaceView(self.seen.links, seen.motions, seen.joints, seen.centers),
         )
+
+    def _twin_steps(self, period: float) -> float:
+        """Time steps of the twin in a control period."""
+        servos = self.around.tables.plan.nominal.servos
+        fastest = float(np.max(servos.damping / servos.armature, initial=0.0))
+        return float(max(1, math.ceil(period * fastest / LONGEST_STEP - 0.05)))
 
     def _view(self) -> ServoView:
         a = self.around

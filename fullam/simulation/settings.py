@@ -13,6 +13,7 @@ from fullam.control.estimators import estimator_class, make_estimator_settings
 from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
+from fullam.plain_values import plain_table
 from fullam.simulation.plant_settings import plant_settings
 
 WHERE = "simulation settings"
@@ -88,9 +89,9 @@ class SimulationSettings:
             self._multiple("delay", self.delay, "control_period", self.control_period)
 
     def _own_estimator_settings(self) -> None:
-        """Copy them, lists as tuples, and see whether an estimator that is named takes them."""
+        """Copy them as what a record keeps, and see whether the estimator, if named, takes them."""
         given = CHECK.table("estimator_settings", self.estimator_settings)
-        changes = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+        changes = plain_table(given, CHECK)
         if self.estimator is not None:
             make_estimator_settings(self.estimator, changes)
         object.__setattr__(self, "estimator_settings", changes)

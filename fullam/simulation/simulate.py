@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,8 @@ from typing import Any, TypedDict, Unpack
 
 from fullam.checks import Checker, shown
 from fullam.control.controllers import make_settings
-from fullam.exceptions import Diverged, ScenarioError, UnknownName
+from fullam.control.settings_file import SettingsFile
+from fullam.exceptions import Diverged, FullamWarning, ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.simulation import fused
@@ -35,8 +37,9 @@ class Choices(TypedDict, total=False):
         seed: Seed of noise, gusts and parameter errors; 0 by default.
         weather: A weather or its name; the scenario's own by default.
         calm: No noise, no gusts, no parameter errors, whatever the weather.
-        settings: The controller's settings: an instance, or a mapping of those that differ from
-            the defaults.
+        settings: The controller's settings: an instance, a mapping of those that differ from the
+            defaults, or what `load_settings` read from a file; the law then flies with the file's
+            estimator unless `simulation` names one.
         simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
             what differs from the defaults.
         plant: Which physics flies, "prescribed" or "servo"; by default the one that the scenario
@@ -75,15 +78,18 @@ def prepare(
         raise ScenarioError("flight", "failed", problem, "give a list of names, or of indices")
     if failed:
         vehicle = vehicle.with_failed(*failed)
-    settings = choices.get("settings")
-    if settings is None or isinstance(settings, Mapping):
-        settings = make_settings(controller, settings)
+    settings = given = choices.get("settings")
+    if given is None or isinstance(given, Mapping):
+        settings = make_settings(controller, given)
+    simulation = _simulation(scenario, choices.get("simulation"), choices.get("plant"))
+    if isinstance(given, SettingsFile):
+        simulation = _made_for(given, vehicle, simulation)
     return FlightPlan.prepare(
         scenario,
         vehicle,
         controller,
         settings,
-        _simulation(scenario, choices.get("simulation"), choices.get("plant")),
+        simulation,
         _weather(choices.get("weather"), choices.get("calm", False)) or scenario.weather,
         choices.get("seed", 0),
     )
@@ -103,6 +109,19 @@ def _simulation(
     if plant is not None and plant != simulation.plant:
         return replace(simulation, plant=plant, plant_settings={})
     return simulation
+
+
+def _made_for(
+    file: SettingsFile, vehicle: Vehicle, simulation: SimulationSettings
+) -> SimulationSettings:
+    """With the estimator that a file's settings are made for, unless another one is named.
+
+    Warns:
+        FullamWarning: They were tuned on another vehicle, or with another estimator.
+    """
+    for difference in file.differences(vehicle, simulation.estimator):
+        warnings.warn(difference, FullamWarning, stacklevel=4)
+    return simulation if file.estimator is None else simulation.with_estimator(file.estimator)
 
 
 def _weather(weather: Weather | str | None, calm: bool) -> Weather | None:
@@ -153,10 +172,11 @@ def simulate(
             outcome "diverged" (in a campaign).
         **choices: `vehicle` (nominal; an instance, a name or a path), `seed` (of the weather, 0),
             `failed` (rotors that stand still and are known to), `weather` (an instance or a name),
-            `calm` (no weather at all), `settings` (the controller's) and `shaping` (of the
-            reference; both an instance or a mapping of what differs), `simulation` (rates,
-            integrator, sensors, estimator), `plant` (the physics). Each has the scenario's own or
-            the default where it is left out; see `Choices`.
+            `calm` (no weather at all), `settings` (the controller's: an instance, a mapping of what
+            differs, or what `load_settings` read), `shaping` (of the reference; an instance or a
+            mapping of what differs), `simulation` (rates, integrator, sensors, estimator), `plant`
+            (the physics). Each has the scenario's own or the default where it is left out; see
+            `Choices`.
 
     Raises:
         Diverged: The flight left the bounds of sense; the error carries the partial run.

@@ -106,12 +106,17 @@ class Rates(NamedTuple):
 
 
 class SenseView(NamedTuple):
-    """What `sense` and `sense_all` are shown; `ring` holds the last true poses."""
+    """What `sense` and `sense_all` are shown.
+
+    `ring` holds the last true poses; `missing` is a number a control period, or one for all.
+    """
 
     state: Any
     ring: Any
     noise: Any
+    missing: Any
     inertial: Any
+    gains: Any
     rates: Any
     readings: Any
 
@@ -142,10 +147,13 @@ class RecordView(NamedTuple):
 @kernel
 def sense(view, k):
     """Read the pose; the true velocity goes along for the estimator that cheats."""
-    state, last = view.state[0], view.readings[0]
+    state, last, every = view.state[0], view.readings[0], view.rates[0].every
     keep_pose(view.ring, state.pose, k)
-    pose = sense_pose(view.ring, view.noise[k], last.pose, view.rates[0].every, k)
-    view.readings[0] = Readings(pose, state.twist, last.gyroscope, last.accelerometer)
+    pose = sense_pose(view.ring, view.noise[k], last.pose, every, k)
+    is_missing = view.missing[min(k, len(view.missing) - 1)] > 0.0
+    pose = select(is_missing, last.pose, pose)
+    is_new = select(is_missing, 0.0, 0.0 if k % int(every) else 1.0)
+    view.readings[0] = Readings(pose, state.twist, last.gyroscope, last.accelerometer, is_new)
 
 
 @kernel
@@ -158,10 +166,15 @@ def sense_all(view, k):
         state.twist,
         state.acceleration,
         view.rates[0].gravity,
+        view.gains[0],
         view.inertial[k],
     )
     view.readings[0] = Readings(
-        readings.pose, readings.velocity, felt.gyroscope, felt.accelerometer
+        readings.pose,
+        readings.velocity,
+        felt.gyroscope,
+        felt.accelerometer,
+        readings.is_new,
     )
 
 

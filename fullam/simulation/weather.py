@@ -18,6 +18,14 @@ from fullam.checks import Checker, Range, from_zero, positive
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import Uncertainty
 from fullam.registry import Registry
+from fullam.simulation.sensor_errors import (
+    EXACT,
+    MPU6050,
+    SensorErrors,
+    gap_draws,
+    inertial_draws,
+    outlier_draws,
+)
 
 Array = NDArray[np.float64]
 
@@ -53,6 +61,7 @@ class Weather:
         gyroscope_noise: Standard deviation of a gyroscope sample [rad/s].
         accelerometer_noise: Standard deviation of an accelerometer sample [m/s^2].
         uncertainty: Which true parameters differ from the nominal ones, and by how much.
+        sensors: What the sensors do wrong beside noise.
     """
 
     position_noise: float = 0.0
@@ -65,6 +74,7 @@ class Weather:
     gyroscope_noise: float = 0.0
     accelerometer_noise: float = 0.0
     uncertainty: Uncertainty = field(default_factory=lambda: Uncertainty(share=0.0))
+    sensors: SensorErrors = EXACT
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -75,6 +85,7 @@ class Weather:
                 continue
             object.__setattr__(self, name, check.number(name, value, numbers))
         check.instance("uncertainty", self.uncertainty, Uncertainty)
+        check.instance("sensors", self.sensors, SensorErrors)
         if self.gust_duration > self.gust_interval:
             raise ScenarioError(
                 "weather",
@@ -93,10 +104,20 @@ class Weather:
         """Standard deviations of a gust, shape (6,) [N, N m]."""
         return np.repeat([self.force_disturbance, self.moment_disturbance], 3)
 
+    def inertial_scale(self, period: float) -> tuple[float, float]:
+        """Standard deviations of a sample of gyroscope and accelerometer [rad/s, m/s^2].
+
+        Args:
+            period: Time between two samples [s], over which a noise density is averaged.
+        """
+        w, f = self.sensors.density / math.sqrt(period)
+        return math.hypot(self.gyroscope_noise, w), math.hypot(self.accelerometer_noise, f)
+
     def to_dict(self) -> dict[str, Any]:
         """JSON values; an infinite bound becomes None."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
         data["uncertainty"] = self.uncertainty.to_dict()
+        data["sensors"] = self.sensors.to_dict()
         data["noise_bound"] = None if np.isinf(self.noise_bound) else self.noise_bound
         return data
 
@@ -108,6 +129,8 @@ class Weather:
         check.known(values, tuple(f.name for f in fields(cls)))
         if "uncertainty" in values:
             values["uncertainty"] = Uncertainty.from_dict(values["uncertainty"])
+        if "sensors" in values:
+            values["sensors"] = SensorErrors.from_dict(values["sensors"])
         if values.get("noise_bound", 0.0) is None:
             values["noise_bound"] = np.inf
         return cls(**values)
@@ -132,16 +155,23 @@ PAPER = replace(RECORDED, noise_bound=2.5, uncertainty=Uncertainty(share=0.10))
 """As recorded, with the paper's bound of +-25 mm on the noise (2.5 sigma; its +-3 deg would be 3
 sigma) and its +-10 % on the parameters."""
 
-STREAMS = ("noise", "gusts", "inertial", "parameters")
-"""What is random, in the order of the streams that a seed spawns."""
+SOLD = replace(PAPER, sensors=MPU6050)
+"""The paper's, with sensors as they are sold: biased, drifting, their scales off, poses missing at
+times and wrong at others."""
+
+STREAMS = (
+    *("noise", "gusts", "inertial", "parameters"),
+    *("biases", "drifts", "gaps", "outliers"),
+)
+"""What is random, in the order of the streams that a seed spawns; more of them go to the end."""
 
 WEATHERS: Registry[Weather] = Registry(
-    "weather", {"calm": CALM, "recorded": RECORDED, "paper": PAPER}
+    "weather", {"calm": CALM, "recorded": RECORDED, "paper": PAPER, "sold": SOLD}
 )
 
 
 def weather(name: str) -> Weather:
-    """The weather of that name: "calm", "recorded" or "paper".
+    """The weather of that name: "calm", "recorded", "paper" or "sold".
 
     Raises:
         UnknownName: There is no such weather.
@@ -155,16 +185,25 @@ class Forecast:
 
     Attributes:
         weather: The statistics.
-        pose_noise: [position (world), attitude (tangent at {A})], shape (N, 6) [m, rad].
+        period: Control period [s].
+        pose_noise: [position (world), attitude (tangent at {A})], shape (N, 6) [m, rad]; outliers
+            are part of it.
         disturbance: Wrench on the platform at its origin, world axes, shape (N, 6) [N, N m], held
             over each control period.
+        missing: 1 for each control period that no pose arrives in, else 0; shape (N,).
+        offsets: Bias and drift of gyroscope and accelerometer, shape (N, 6) [rad/s, m/s^2].
+        gains: What gyroscope and accelerometer make of 1, shape (6,).
         inertial: Seed of the noise of the inertial sensors, which is drawn when it is first read.
         parameters: Generator for the draw of the true vehicle.
     """
 
     weather: Weather
+    period: float
     pose_noise: Array
     disturbance: Array
+    missing: Array
+    offsets: Array
+    gains: Array
     inertial: np.random.SeedSequence
     parameters: np.random.Generator
 
@@ -178,15 +217,18 @@ class Forecast:
         """Noise of the accelerometer, shape (N, 3) [m/s^2]."""
         return self._inertial_noise[1]
 
+    @property
+    def inertial_noise(self) -> Array:
+        """What is added to the readings of both: noise, bias and drift, shape (N, 6)."""
+        return np.hstack(self._inertial_noise) + self.offsets
+
     @cached_property
     def _inertial_noise(self) -> tuple[Array, Array]:
         # Few estimators read these sensors, and their noise is half of what there is to draw.
         # A generator of its own each time: a copy, or a second thread, draws the same.
         rng, shape = np.random.default_rng(self.inertial), (len(self.pose_noise), 3)
-        return (
-            rng.standard_normal(shape) * self.weather.gyroscope_noise,
-            rng.standard_normal(shape) * self.weather.accelerometer_noise,
-        )
+        gyroscope, accelerometer = self.weather.inertial_scale(self.period)
+        return rng.standard_normal(shape) * gyroscope, rng.standard_normal(shape) * accelerometer
 
 
 def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
@@ -197,16 +239,28 @@ def forecast(weather: Weather, seed: int, t: Array) -> Forecast:
         seed: One number; each kind of randomness gets a stream of its own from it.
         t: Control grid [s], shape (N,).
     """
-    streams = dict(zip(STREAMS, np.random.SeedSequence(seed).spawn(len(STREAMS)), strict=True))
+    spawned = np.random.SeedSequence(seed).spawn(len(STREAMS))
+    streams = dict(zip(STREAMS, spawned, strict=True))
+    period, errors = control_period(t, weather), weather.sensors
     noise = np.random.default_rng(streams["noise"])
     pose_noise = noise.standard_normal((t.size, 6))
     while (outside := np.abs(pose_noise) > weather.noise_bound).any():
         pose_noise[outside] = noise.standard_normal(int(outside.sum()))
     pose_noise *= weather.noise_scale
+    if errors.have_outliers:
+        pose_noise += outlier_draws(errors, t.size, streams["outliers"])
     gusts = np.random.default_rng(streams["gusts"])
     parameters = np.random.default_rng(streams["parameters"])
     disturbance = GustTable.of(weather, t).disturbance(weather, gusts)
-    return Forecast(weather, pose_noise, disturbance, streams["inertial"], parameters)
+    missing = gap_draws(errors, t.size, period, streams["gaps"])
+    offsets, gains = inertial_draws(errors, t.size, period, streams["biases"], streams["drifts"])
+    parts = period, pose_noise, disturbance, missing, offsets, gains
+    return Forecast(weather, *parts, streams["inertial"], parameters)
+
+
+def control_period(t: Array, weather: Weather) -> float:
+    """Step of a control grid [s]; of a grid of one row it can be any."""
+    return float(t[1] - t[0]) if t.size > 1 else weather.gust_duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +287,7 @@ class GustTable:
     @classmethod
     def of(cls, weather: Weather, t: Array) -> GustTable:
         """The gusts of a weather on a control grid t [s], shape (N,)."""
-        period = t[1] - t[0] if t.size > 1 else weather.gust_duration
+        period = control_period(t, weather)
         interval, duration = weather.gust_interval, weather.gust_duration
         end = t + period
         last = np.floor((end - 1e-9) / interval).astype(int)  # gust to begin within the period

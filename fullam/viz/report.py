@@ -17,7 +17,7 @@ from fullam.analysis.evidence import FAILS, HOLDS, UNDECIDED
 from fullam.analysis.recorded import MASS_OFFSET, WEIGHT_ERROR
 from fullam.analysis.reproduce import CONDITIONS, QUICK_RUNS, RECORDED_SEEDS, Reproduction
 from fullam.analysis.tuned_gains import TUNED, tuned_names
-from fullam.analysis.tuning import TRAINING, VALIDATION
+from fullam.analysis.tuning_flights import TuningFlights
 from fullam.files import atomic_path
 from fullam.model.loading import load_vehicle
 from fullam.simulation.catalogue import CONFIGURATIONS
@@ -263,16 +263,16 @@ here.</p>"""
 
 
 def _how(result: Reproduction) -> str:
-    rows = ""
+    rows, flights = "", TuningFlights()
     for name in tuned_names():
         data = tomllib.loads((TUNED / f"{name}.toml").read_text(encoding="utf-8"))
-        costs = data["validation"]
+        costs = data["tuning"]["validation"]
         settings = ", ".join(f"{k} = {v}" for k, v in data["settings"].items())
         rows += (
-            f"<tr><td>{escape(name)}</td><td><code>{escape(data['command'])}</code>"
+            f"<tr><td>{escape(name)}</td><td><code>{escape(data['tuning']['command'])}</code>"
             f"<small>{escape(settings)}</small></td>"
-            f'<td class="number">{costs["defaults"]:.2f}</td>'
-            f'<td class="number">{costs["tuned"]:.2f}</td></tr>'
+            f'<td class="number">{costs["before"]:.2f}</td>'
+            f'<td class="number">{costs["after"]:.2f}</td></tr>'
         )
     tuned = (
         '<table><tr><th>controller</th><th>command</th><th class="number">cost, defaults</th>'
@@ -280,13 +280,18 @@ def _how(result: Reproduction) -> str:
         if rows
         else "<p>No tuned settings are committed: every controller flies with its defaults.</p>"
     )
+    for entry in result.entries:
+        if entry.contender.file is not None:
+            source = f"<code>{escape(entry.contender.file.path)}</code>"
+            tuned += f"<p>{escape(entry.title)} flew with the settings in {source} instead.</p>"
     return f"""<ul>
 <li><b>Weather.</b> Pose noise of 10 mm and 1° (cut at 2.5 standard deviations); each mass, inertia
 and rotor coefficient drawn within ±10 %; gusts of 10 N and 1.745 N m (standard deviations) for 10
 ms once a second, or none. Noise, gusts and parameters have streams of their own per seed, so every
 controller meets the same.</li>
-<li><b>Seeds.</b> 0 to {result.runs - 1}. Tuning used {len(TRAINING)} flights with seeds from
-{TRAINING[0][1]:,} and was checked on {len(VALIDATION)} with seeds from {VALIDATION[0][1]:,}.</li>
+<li><b>Seeds.</b> 0 to {result.runs - 1}. Tuning used {len(flights.training)} flights with seeds
+from {flights.seeds[0]:,} and was checked on {len(flights.validation)} with seeds from
+{flights.validation_seeds[0]:,}.</li>
 <li><b>Intervals.</b> 95 %: percentile bootstrap over seeds; paired differences resample pairs;
 shares are Wilson’s.</li>
 <li><b>Settling, noise-aware.</b> 2 % of a 10° step is a fifth of the sensor’s standard deviation

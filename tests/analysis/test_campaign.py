@@ -256,7 +256,7 @@ def test_another_vehicle_of_the_same_name_is_another_campaign(tmp_path, monkeypa
     definition = {**heavier.definition, "description": "stronger"}
     stronger = replace(heavier, rotors=rotors, definition=definition)
     monkeypatch.setattr(campaign_module, "cached_vehicle", lambda name: stronger)
-    with pytest.raises(CampaignError, match="vehicles differ"):
+    with pytest.raises(CampaignError, match=r"vehicles \(fullam\) differ"):
         sweep(small([0, 1]), out)
 
 

@@ -19,6 +19,10 @@ FLIGHTS, STEP = 8, 1e-4
 """Flights, one a lane; step of the differences that give angular velocities [s]."""
 
 
+EXACT = Inertial((1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
+"""Gains of sensors that read what there is."""
+
+
 class True_(NamedTuple):
     """Pose, body velocity and its derivative."""
 
@@ -47,9 +51,10 @@ def sense(view, k):
     keep_pose(view.ring, true.pose, k)
     pose = sense_pose(view.ring, view.noise[k], view.readings[0].pose, view.every[0], k)
     felt = sense_inertial(
-        true.pose.attitude, true.velocity, true.acceleration, 9.81, view.inertial_noise[k]
+        true.pose.attitude, true.velocity, true.acceleration, 9.81, EXACT, view.inertial_noise[k]
     )
-    view.readings[0] = Readings(pose, true.velocity, felt.gyroscope, felt.accelerometer)
+    is_new = 0.0 if k % int(view.every[0]) else 1.0
+    view.readings[0] = Readings(pose, true.velocity, felt.gyroscope, felt.accelerometer, is_new)
 
 
 @kernel

@@ -68,8 +68,6 @@ def test_a_user_s_law_is_found_by_its_name(vehicle, monkeypatch):
 
     @register("still")
     class Still(Controller):
-        Settings = dict
-
         def reset(self, measurement, reference):
             """Nothing to forget."""
 

@@ -30,7 +30,7 @@ NOISY = {
 
 def readings_of(pose, *others):
     """A record of the pose alone, or with velocity, gyroscope and accelerometer."""
-    return record(Readings, np.concatenate([pose, *(others or [np.zeros(12)])]))
+    return record(Readings, np.concatenate([pose, *(others or [np.zeros(12)]), [1.0]]))
 
 
 def follow(estimator, poses):
@@ -45,7 +45,7 @@ def follow(estimator, poses):
 
 @pytest.mark.parametrize("delay", [0, 3])
 @pytest.mark.parametrize("every", [1, 5])
-@pytest.mark.parametrize("name", ["first-order", "kalman", "truth"])
+@pytest.mark.parametrize("name", ["first-order", "kalman", "kalman-bias", "truth"])
 def test_python_machine_code_and_lanes_tell_the_same_bits(
     name, every, delay, known_motion, sensed_flight
 ):
@@ -203,7 +203,7 @@ def test_anybody_writes_one_in_numpy(monkeypatch):
 
 
 def test_names_settings_and_datasheets_are_checked():
-    assert {"first-order", "kalman", "truth"} <= set(estimator_names())
+    assert {"first-order", "kalman", "kalman-bias", "truth"} <= set(estimator_names())
     assert all(issubclass(estimator_class(n), KernelEstimator) for n in RECORDED)
     with pytest.raises(UnknownName, match="first-order"):
         estimator_class("oracle")
@@ -230,5 +230,5 @@ def test_settings_are_made_by_name():
         make_estimator_settings("kalman", {"cutoff": 18.0})
     with pytest.raises(SettingsError, match="it has none"):
         make_estimator_settings("truth", {"cutoff": 18.0})
-    with pytest.raises(SettingsError, match="wrong type"):
+    with pytest.raises(SettingsError, match="cutoff: is 'fast'; give a number"):
         make_estimator_settings("first-order", {"cutoff": "fast"})

@@ -1,5 +1,7 @@
 """The articulated-body kernels against Pinocchio: every vehicle, any chain, joints that slide."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -38,6 +40,12 @@ def chain_model(kinds, rng):
     return model
 
 
+class Motor(NamedTuple):
+    """What the sweeps read of a servo."""
+
+    armature: float
+
+
 class Instant:
     """A model in a state under torques, for the kernels and for Pinocchio."""
 
@@ -59,8 +67,8 @@ class Instant:
         w = tuple(self.v[3:6].tolist())
         art.sweep_out(self.links, w, self.arm)
         art.push_last(self.arm, record(Spatial, self.push))
-        armature = self.armature.tolist()
-        a = art.swept_acceleration(armature, self.g, record(Spatial, self.wrench), self.arm)
+        motors = [Motor(armature) for armature in self.armature.tolist()]
+        a = art.swept_acceleration(motors, self.g, record(Spatial, self.wrench), self.arm)
         a = np.array([*flat(a), *self.arm.accelerations])
         a[:3] -= np.cross(self.v[3:6], self.v[:3])
         return a

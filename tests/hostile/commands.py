@@ -27,19 +27,21 @@ WORDS = (
     *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
 )
 OPTIONS = {
-    "run": ("--controller --set --seed --weather --vehicle --control-rate --plant-rate --out "
-            "--estimator --governor --failed --shape --figure --driver --calm --json"),
-    "compare": ("--controllers --seed --weather --vehicle --control-rate --governor --shape "
-                "--failed --figure --driver --calm --json"),
-    "check": ("--seed --json --samples --controller --estimator --delay --control-rate "
+    "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate "
+            "--out --estimator --governor --failed --shape --figure --driver --calm --json"),
+    "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor "
+                "--shape --failed --figure --driver --calm --json"),
+    "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather --failed"),
-    "list": "--json",
+    "list": "--json --plugin",
     "equations": "--json",
     "plot": "--what --out",
-    "view": "--controller --seed --offset --speed --port --wait --at --vehicle --failed --calm",
-    "sweep": ("--controllers --runs --tuned --estimator --weather --no-gusts --overwrite --jobs "
-              "--tls-ca --driver --json"),
-    "tune": "--budget --seed --jobs --driver",
+    "view": ("--controller --settings --seed --offset --speed --port --wait --at --vehicle "
+             "--failed --calm"),
+    "sweep": ("--controllers --settings --runs --tuned --estimator --weather --no-gusts "
+              "--overwrite --jobs --tls-ca --driver --json"),
+    "tune": ("--budget --seed --seeds --scenario --vehicle --weather --settings --control-rate "
+             "--shape --jobs --driver --calm --json"),
     "datasheet": "--out --flights --seed --json",
     "design": ("--rotors --objective --free --period --reserve --min-efficiency --min-tilt --arm "
                "--seed --out --pareto --json"),

@@ -1,12 +1,15 @@
-"""What the tests of the simulation share: the plant alone, its rotors told what to do."""
+"""What the tests of the simulation share: the plants alone, rotors or servos told what to do."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from fullam.dynamics.articulated import ArmRows
 from fullam.dynamics.integrators import integrator
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView, place
 from fullam.dynamics.recursion import Joint, JointMotion
+from fullam.dynamics.servo import ServoNumbers
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.chain import LinkChain
 from fullam.numbers.records import Rows, flat, record
@@ -19,6 +22,7 @@ from fullam.simulation.plant import (
     advance,
     twist_rate,
 )
+from fullam.simulation.servo_motion import NoWorld, ServoView, Slope, servo_stage
 from fullam.simulation.true_vehicle import RotorFactors, nominal_rows, rotor_row
 
 ROUTES = ("pinocchio", "recursion")
@@ -94,6 +98,70 @@ class Plant:
         return np.array(self.view.speeds)
 
 
+class Free:
+    """A vehicle in motion without thrust, its servos as given; the plant's kernels in Python."""
+
+    def __init__(self, vehicle, scheme, step, servo, gravity=9.81, move=None):
+        n, rng = vehicle.n_arm, np.random.default_rng(7)
+        self.model, self.n = vehicle.model, n
+        still = Spatial(ZERO, ZERO)
+        twist = Spatial((0.3, -0.2, 0.5), (0.4, 0.9, -0.6))
+        rows = [ServoNumbers(*row) for row in vehicle.servos.rows.tolist()]
+        servos = [servo(row) for row in rows]
+        self.armature = np.array([s.armature for s in servos])
+        moves = rng.uniform(-1.0, 1.0, (n, 2)).tolist()
+        self.view = ServoView(
+            [State(Pose((0.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.0)), twist, still)],
+            LinkRows.of(LinkChain.from_vehicle(vehicle)).rows.to_list(),
+            [],
+            [Stepping(step, 1.0, 0.0, gravity)],
+            [still] * 4000,
+            [],
+            [],
+            servos,
+            rng.uniform(-1.0, 1.0, n).tolist(),
+            [JointMotion(q, v, 0.0) for q, v in moves],
+            [Slope(0.0, 0.0)] * n,
+            [Slope(0.0, 0.0)] * n,
+            [0.0] * n,
+            ArmRows(*(r.to_list() for r in ArmRows.empty(n))),
+            NoWorld(),
+        )
+        self.move = move or servo_stage(scheme)
+        self.step, self.gravity = step, gravity
+
+    def fly(self, time):
+        for k in range(round(time / self.step)):
+            self.move(self.view, k)
+        return self
+
+    @property
+    def q(self):
+        return np.array([*flat(self.view.state[0].pose), *(m.position for m in self.view.arm)])
+
+    @property
+    def v(self):
+        return np.array([*flat(self.view.state[0].twist), *(m.rate for m in self.view.arm)])
+
+    @property
+    def energy(self):
+        data = self.model.createData()
+        rotors = 0.5 * self.armature @ self.v[6:] ** 2
+        kinetic = pin.computeKineticEnergy(self.model, data, self.q, self.v)
+        mass, center = pin.computeTotalMass(self.model), pin.centerOfMass(self.model, data, self.q)
+        return kinetic + rotors + mass * self.gravity * center[2]
+
+    @property
+    def momentum(self):
+        data = self.model.createData()
+        return np.array(pin.computeCentroidalMomentum(self.model, data, self.q, self.v))
+
+
+def no_servo(row):
+    """A joint that turns freely, its motor's rotor on it."""
+    return ServoNumbers(0.0, 0.0, 0.0, row.armature, 0.0, -np.inf, np.inf, 0.0)
+
+
 @pytest.fixture
 def plant_of():
     """Makes a `Plant`."""
@@ -103,3 +171,15 @@ def plant_of():
 @pytest.fixture(params=ROUTES)
 def route(request):
     return request.param
+
+
+@pytest.fixture
+def free_of():
+    """Makes a `Free`."""
+    return Free
+
+
+@pytest.fixture
+def free_joint():
+    """A servo without torque."""
+    return no_servo

@@ -3,16 +3,26 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from fullam.exceptions import ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
-from fullam.simulation.contact import Material, block, surface_force, world_force, world_rows
+from fullam.simulation.contact import (
+    Material,
+    block,
+    surface_force,
+    touch,
+    world_force,
+    world_rows,
+)
+from fullam.simulation.many import fly_many
 from fullam.simulation.references import Step
 from fullam.simulation.refly import refly
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario
-from fullam.simulation.simulate import simulate
+from fullam.simulation.servo_motion import servo_stage
+from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM
 from fullam.simulation.world import Box, Plane, Sphere, surface
 
@@ -103,6 +113,40 @@ def test_no_surface_ever_pulls_and_none_gives_energy_back():
     assert v[0] < 0.0 and abs(v[0]) < 0.5
     # Semi-implicit Euler's own error is of the order of the step.
     assert np.diff(energy).max() < 1e-9 and energy[-1] < 0.85 * energy[0]
+
+
+GROUNDS = {
+    "plane": Plane((0.0, 0.0, 1.2), (0.0, 0.0, 1.0), stiffness=3e4),
+    "sphere": Sphere((0.2, 0.2, 0.2), 1.1, stiffness=3e4),
+    "box": Box((0.2, 0.2, 0.7), (2.0, 2.0, 1.0), (10.0, -20.0, 15.0), stiffness=3e4),
+}
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_energy_never_grows_in_a_bounce_without_thrust(free_of, free_joint, name):
+    vehicle = load_vehicle("fullam")
+    move = servo_stage("midpoint", contact=touch)
+    free = free_of(vehicle, "midpoint", 2.5e-4, free_joint, move=move)
+    rows = world_rows(vehicle, [GROUNDS[name]])
+    free.view = free.view._replace(world=type(rows)(*(part.to_list() for part in rows)))
+    weight, energies, touched = pin.computeTotalMass(free.model) * 9.81, [free.energy], 0
+    for k in range(2400):
+        before = free.momentum[2]
+        free.move(free.view, k)
+        energies.append(free.energy)
+        touched += free.momentum[2] - before > -0.5 * weight * free.step
+    assert touched > 20, "it must have touched something"
+    # The elastic energy of the contact comes back, so it is compared with what there was.
+    assert energies[-1] < energies[0] - 1e-3
+    assert max(energies) < energies[0] + 1e-6 * abs(energies[0])
+
+
+def test_lanes_touch_as_one_flight_does(pushed):
+    plan = prepare(replace(PUSH, duration=1.5), "dc-pid-plus")
+    for run in fly_many(plan, range(8), threads=1):
+        rows = len(run)
+        np.testing.assert_array_equal(run.contact_force, pushed.contact_force[:rows])
+        np.testing.assert_array_equal(run.pose, pushed.pose[:rows])
 
 
 @pytest.fixture(scope="module")

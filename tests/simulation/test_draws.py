@@ -17,7 +17,8 @@ from fullam.numbers.machine_code import available
 from fullam.numbers.records import Rows
 from fullam.simulation import draws as bulk
 from fullam.simulation.draws import Draws
-from fullam.simulation.weather import CALM, PAPER, RECORDED, forecast
+from fullam.simulation.sensor_errors import MPU6050, SensorErrors
+from fullam.simulation.weather import CALM, PAPER, RECORDED, SOLD, forecast
 
 T = np.arange(300) * 0.01
 PLANT_PERIOD = 0.002
@@ -34,6 +35,9 @@ WEATHERS = {
     "long gusts": replace(PAPER, gust_interval=0.5, gust_duration=0.5, moment_disturbance=0.0),
     "only uncertain": replace(CALM, uncertainty=ALL),
     "calm": CALM,
+    "sold": replace(SOLD, sensors=replace(MPU6050, gap_interval=0.7, outlier_share=0.1)),
+    "only sensors": replace(CALM, sensors=replace(MPU6050, gap_interval=0.5)),
+    "only bias": replace(CALM, sensors=SensorErrors(gyroscope_bias_deg=(1.0, 2.0, 3.0))),
 }
 
 BODY = """
@@ -88,8 +92,10 @@ def assert_weather(drawn, lane, weather, seed):
     np.testing.assert_array_equal(lane_of(drawn.noise, lane), draw.pose_noise)
     np.testing.assert_array_equal(lane_of(drawn.gust, lane), draw.disturbance)
     if drawn.inertial is not None:
-        sensors = np.concatenate([draw.gyroscope_noise, draw.accelerometer_noise], axis=1)
-        np.testing.assert_array_equal(lane_of(drawn.inertial, lane), sensors)
+        np.testing.assert_array_equal(lane_of(drawn.inertial, lane), draw.inertial_noise)
+        np.testing.assert_array_equal(lane_of(drawn.gains, lane)[0], draw.gains)
+    missing = lane_of(drawn.missing, lane)[:, 0]
+    np.testing.assert_array_equal(np.resize(missing, T.size), draw.missing)
 
 
 def assert_vehicle(drawn, lane, nominal, weather, seed):
@@ -142,7 +148,7 @@ def test_numpy_draws_the_same_bits_as_machine_code(weather, name):
         one, other = (draws.rows(lanes, True, compiled) for compiled in (True, False))
         for drawn in (one, other):
             drawn.fill(SEEDS[: max(lanes, 1)])
-        for field in ("noise", "gust", "inertial", "links", "rotors"):
+        for field in ("noise", "gust", "missing", "inertial", "gains", "links", "rotors"):
             np.testing.assert_array_equal(getattr(one, field).array, getattr(other, field).array)
 
 

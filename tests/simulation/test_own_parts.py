@@ -195,3 +195,9 @@ def test_an_estimator_as_a_class_flies_in_python_and_is_named_by_machine_code(mo
     assert np.abs(run.measured_pose[:, :3] - run.pose[:, :3]).max() > 0.0
     with pytest.raises(SettingsError, match=r"'stale' is not written as kernels.*KernelEstimator"):
         fullam.simulate(scenario, simulation=simulation, driver="fused")
+
+
+def test_a_law_that_answers_no_wrench_is_told_so(monkeypatch):
+    monkeypatch.setattr(NumpySpring, "wrench", lambda self, t, m, r: np.zeros(3))
+    with pytest.raises(SettingsError, match=r"'numpy-spring': wrench: is .*six numbers"):
+        fullam.simulate(fullam.Scenario("hop", duration=0.1), "numpy-spring")

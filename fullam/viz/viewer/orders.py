@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fullam.checks import Checker, Range
-from fullam.control.controllers import controller_names
+from fullam.control.controllers import controller_names, plain_settings
 from fullam.control.dc_pid import COMPENSATIONS
 from fullam.control.estimators import estimator_names
 from fullam.exceptions import FullamError, InvalidInput
@@ -128,7 +128,7 @@ class Orders:
             self._holder = order["who"]
         if kind == "compensation":
             law: Any = flight.flight.controller
-            settings = law.settings.to_dict() | {"compensation": values.get("name")}
+            settings = plain_settings(law.name, law.settings) | {"compensation": values.get("name")}
             kind, values = "controller", {"name": law.name, "settings": settings}
         if kind == "typed arm":
             typed = CHECK.vector("positions", values.get("positions"), flight.plan.nominal.n_arm)

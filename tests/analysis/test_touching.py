@@ -1,0 +1,40 @@
+"""What the tool did to the world, told."""
+
+from dataclasses import replace
+
+import pytest
+
+from fullam.analysis.touching import contact_of, contact_warning
+from fullam.cli import main
+from fullam.simulation.scenario import load_scenario
+from fullam.simulation.simulate import simulate
+
+PUSH = replace(load_scenario("push-wall"), duration=7.0)
+
+
+def test_a_contact_is_told_by_its_time_and_force():
+    run = simulate(PUSH, "hybrid-force", driver="fused", calm=True)
+    found = contact_of(run)
+    assert 3.0 < found.first < 5.0 and found.share > 0.9 and found.touches <= 2
+    assert found.mean == pytest.approx(3.0, abs=0.2) and found.largest > found.mean
+    assert contact_warning(run) is None
+
+
+def test_a_law_that_knows_of_no_contact_is_told_of():
+    behind = replace(PUSH, reference=replace(PUSH.reference, position=(0.1, 0.0, 1.0)))
+    run = simulate(behind, "dc-pid-plus", driver="fused", calm=True)
+    warning = contact_warning(run)
+    assert "dc-pid-plus touched" in warning and "hybrid-force" in warning
+
+
+def test_what_touches_nothing_is_not_spoken_of():
+    assert contact_of(simulate("position-1", driver="fused", calm=True)) is None
+    far = replace(PUSH, duration=1.0)
+    run = simulate(far, "dc-pid-plus", driver="fused", calm=True)
+    assert contact_of(run) is None and contact_warning(run) is None
+
+
+def test_the_command_line_says_so(capsys):
+    line = ["run", "push-wall", "--calm", "--driver", "fused"]
+    assert main([*line, "--controller", "hybrid-force"]) == 0
+    assert "contact: touched from" in capsys.readouterr().out
