@@ -248,7 +248,7 @@ def _export(film: Film, arguments: argparse.Namespace) -> None:
         default=["overview"],
         metavar="A,B,...",
         help="panels: pose, attitude, errors, rotors, effort, wrench, command, compensation, "
-        "residual; or overview, all on one page (default)",
+        "residual, and on servos contact, joints, torques; or overview, all on one page (default)",
     ),
     argument(
         "--out", type=options.figure_path, required=True, metavar="FILE", help=".png, .pdf or .svg"
