@@ -9,38 +9,19 @@ Load a vehicle, fly a scenario under a controller, and ask the record what happe
 """
 
 # isort: off
-import fullam.interrupt  # first of all, so that Ctrl-C during the other imports is one line
+import fullam.interrupt  # noqa: F401 - first of all: Ctrl-C during the others is one line
 
 # isort: on
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import fullam.simulation.catalogue
-import fullam.simulation.interaction  # noqa: F401 - and those that touch things
 from fullam.exceptions import FullamError
-from fullam.model.loading import load_vehicle, vehicle_names
-from fullam.model.vehicle import Vehicle
-from fullam.plugins import load_plugin
-from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
-from fullam.simulation.arm_table import ArmTable
-from fullam.simulation.reference_table import ReferenceTable
-from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import (
-    Scenario,
-    load_scenario,
-    register_scenario,
-    scenario_names,
-)
-from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
-from fullam.simulation.tool_task import ToolTask
-from fullam.simulation.tool_weights import ToolWeights
-from fullam.simulation.weather import Weather, weather
 from fullam.version import __version__
 
 if TYPE_CHECKING:
     from fullam.analysis.calibration import calibrate
     from fullam.analysis.calibration_flight import excitation_flight
+    from fullam.analysis.campaign_table import read_campaign
     from fullam.analysis.diagnosis import diagnose
     from fullam.analysis.external_wrench import WrenchSettings, external_wrench
     from fullam.analysis.margins import loop_margins
@@ -57,12 +38,30 @@ if TYPE_CHECKING:
     from fullam.control.estimators import estimator_names, register_estimator
     from fullam.control.tunable import tunable
     from fullam.model.design import VehicleDesign, design_vehicle
+    from fullam.model.loading import load_vehicle, vehicle_names
     from fullam.model.rotors import Rotors
+    from fullam.model.vehicle import Vehicle
+    from fullam.plugins import load_plugin
+    from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
+    from fullam.simulation.arm_table import ArmTable
     from fullam.simulation.many import fly_many
+    from fullam.simulation.reference_table import ReferenceTable
+    from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
     from fullam.simulation.refly import refly
+    from fullam.simulation.run import Run
+    from fullam.simulation.scenario import (
+        Scenario,
+        load_scenario,
+        register_scenario,
+        scenario_names,
+    )
     from fullam.simulation.settings import SimulationSettings
     from fullam.simulation.shaping import Shaping
     from fullam.simulation.simulate import prepare, simulate
+    from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
+    from fullam.simulation.tool_task import ToolTask
+    from fullam.simulation.tool_weights import ToolWeights
+    from fullam.simulation.weather import Weather, weather
     from fullam.viz.viewer.studio import fly
     from fullam.viz.viewer.view import view
     from fullam.viz.viewer.widgets import explore
@@ -70,6 +69,7 @@ if TYPE_CHECKING:
 LATER = {
     "fullam.analysis.calibration": ("calibrate",),
     "fullam.analysis.calibration_flight": ("excitation_flight",),
+    "fullam.analysis.campaign_table": ("read_campaign",),
     "fullam.analysis.external_wrench": ("WrenchSettings", "external_wrench"),
     "fullam.analysis.diagnosis": ("diagnose",),
     "fullam.analysis.margins": ("loop_margins",),
@@ -83,12 +83,27 @@ LATER = {
     "fullam.control.estimators": ("estimator_names", "register_estimator"),
     "fullam.control.tunable": ("tunable",),
     "fullam.model.design": ("VehicleDesign", "design_vehicle"),
+    "fullam.model.loading": ("load_vehicle", "vehicle_names"),
     "fullam.model.rotors": ("Rotors",),
+    "fullam.model.vehicle": ("Vehicle",),
+    "fullam.plugins": ("load_plugin",),
+    "fullam.simulation.arm_motion": ("HoldArm", "JointTrajectory", "SineRate"),
+    "fullam.simulation.arm_table": ("ArmTable",),
     "fullam.simulation.many": ("fly_many",),
+    "fullam.simulation.reference_table": ("ReferenceTable",),
+    "fullam.simulation.references": ("Circle", "Step", "Trajectory", "Waypoints"),
     "fullam.simulation.refly": ("refly",),
+    "fullam.simulation.run": ("Run",),
+    "fullam.simulation.scenario": (
+        *("Scenario", "load_scenario", "register_scenario", "scenario_names"),
+    ),
     "fullam.simulation.settings": ("SimulationSettings",),
     "fullam.simulation.shaping": ("Shaping",),
     "fullam.simulation.simulate": ("prepare", "simulate"),
+    "fullam.simulation.tool_paths": ("CirclePath", "LinePath", "SquarePath"),
+    "fullam.simulation.tool_task": ("ToolTask",),
+    "fullam.simulation.tool_weights": ("ToolWeights",),
+    "fullam.simulation.weather": ("Weather", "weather"),
     "fullam.viz.viewer.studio": ("fly",),
     "fullam.viz.viewer.view": ("view",),
     "fullam.viz.viewer.widgets": ("explore",),
@@ -160,6 +175,7 @@ __all__ = [
     "make_controller",
     "measure",
     "prepare",
+    "read_campaign",
     "refly",
     "register",
     "register_estimator",

@@ -12,6 +12,7 @@ from typing import Any
 
 from fullam.exceptions import UnknownName
 from fullam.paper_equations import ROWS
+from fullam.paper_latex import LATEX
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,15 @@ class Equation:
     statement: str
     functions: tuple[str, ...]
     tests: tuple[str, ...]
+
+    @property
+    def latex(self) -> str:
+        """The statement as LaTeX."""
+        return LATEX[self.number - 1]
+
+    def _repr_latex_(self) -> str:
+        """What a notebook shows."""
+        return rf"$\displaystyle {self.latex} \tag{{{self.number}}}$"
 
     @property
     def errata(self) -> tuple[Erratum, ...]:

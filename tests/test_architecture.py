@@ -27,7 +27,16 @@ ROOMS = [
 ]
 """From the ground up: a room imports itself and what stands before it."""
 
-TOP = {"__init__", "__main__", "cli", "interrupt", "paper", "paper_equations", "version"}
+TOP = {
+    "__init__",
+    "__main__",
+    "cli",
+    "interrupt",
+    "paper",
+    "paper_equations",
+    "paper_latex",
+    "version",
+}
 """Files above the rooms: the public names, the command line, the paper as data, the version."""
 
 WITNESSES = {"newton_euler", "kinematics", "matrix_system", "paper_model"}
@@ -36,7 +45,8 @@ WITNESSES = {"newton_euler", "kinematics", "matrix_system", "paper_model"}
 
 OPTIONAL = {
     *("cma", "cloudpickle", "distributed", "mujoco", "pyarrow", "ipywidgets", "IPython"),
-    *("casadi", "xacro", "xacrodoc"),
+    *("casadi", "xacro", "xacrodoc", "pandas", "xarray", "mcap"),
+    "shtab",
 }
 """Packages of an extra, or that another package brings if it is there."""
 
@@ -166,15 +176,31 @@ def test_drawing_packages_stay_in_viz(package):
             assert package not in names, path
 
 
-def test_importing_the_package_draws_and_fetches_nothing_and_waits_for_no_slow_package():
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import fullam",
+        "from fullam.cli import build_parser; build_parser().format_help()",
+        "import fullam; fullam.load_scenario('task-1')",
+    ],
+    ids=["import", "help", "scenario"],
+)
+def test_what_starts_draws_and_fetches_nothing_and_waits_for_no_slow_package(code):
     import subprocess
     import sys
 
     heavy = ["matplotlib", "meshcat", "yourdfpy", "numba", "distributed", "mujoco"]
     heavy += ["scipy", "proxsuite", "pandas", "pyarrow", "casadi", "importlib.metadata", "asyncio"]
-    code = f"import fullam, sys; print([m for m in {heavy!r} if m in sys.modules])"
+    if "load" not in code:  # nothing is computed yet
+        heavy += ["pinocchio", "coal", "threadpoolctl"]
+    code = f"{code}; import sys; print([m for m in {heavy!r} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_type_checkers_are_told_of_the_annotations():
+    """PEP 561; the wheel holds all of the package's folder."""
+    assert (PACKAGE / "py.typed").is_file()
 
 
 def test_every_public_name_is_there_and_completed():

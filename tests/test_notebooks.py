@@ -1,4 +1,4 @@
-"""Every notebook runs from top to bottom without a display, and what is committed is light."""
+"""What is committed of the notebooks is light; `test_book` runs them."""
 
 import json
 import re
@@ -6,15 +6,8 @@ from pathlib import Path
 
 import pytest
 
-nbformat = pytest.importorskip("nbformat")
-nbclient = pytest.importorskip("nbclient")
-pytest.importorskip("ipykernel")
-
 FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-
-LONGEST = 60.0
-"""No notebook may keep its reader waiting longer than this [s]."""
 
 HEAVIEST = 150_000
 """Size of a committed notebook with its pictures [bytes]."""
@@ -22,25 +15,6 @@ HEAVIEST = 150_000
 
 def test_the_seven_notebooks_are_there():
     assert [path.stem[:2] for path in NOTEBOOKS] == ["01", "02", "03", "04", "05", "06", "07"]
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
-    notebook = nbformat.read(path, as_version=4)
-    client = nbclient.NotebookClient(
-        notebook,
-        kernel_name="python3",
-        timeout=LONGEST,
-        resources={"metadata": {"path": str(tmp_path)}},
-    )
-    client.execute()
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    assert all(cell.execution_count for cell in code)
-    # A warning on stderr is something the reader would have to be told about.
-    said = [out.text for cell in code for out in cell.outputs if out.get("name") == "stderr"]
-    assert said == []
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -66,6 +66,15 @@ def test_errata_are_found_from_their_equation():
     assert paper.equation(8).errata == ()
 
 
+@pytest.mark.parametrize("number", range(1, 36))
+def test_latex_states_what_the_statement_states(number):
+    row = paper.equation(number)
+    for part in ("=", "{i-1}", "{i+1}", "_{n"):
+        assert row.latex.count(part) == row.statement.count(part), part
+    assert row.latex.count("{") == row.latex.count("}")
+    assert f"tag{{{number}}}" in row._repr_latex_()
+
+
 def test_symbols_are_listed_once():
     names = [symbol.symbol for symbol in paper.SYMBOLS]
     assert len(names) == len(set(names))

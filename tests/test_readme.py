@@ -1,10 +1,10 @@
 """The README's code runs, its commands exist, its links lead somewhere."""
 
 import re
-import shlex
 from pathlib import Path
 
 import pytest
+from fullam_book.code_blocks import blocks
 
 from fullam.cli import build_parser
 
@@ -12,25 +12,19 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+BLOCKS = blocks(README)
 
 
-@pytest.mark.parametrize("code", blocks("python"))
+@pytest.mark.parametrize("code", [block.code for block in BLOCKS if block.language == "python"])
 def test_the_python_runs(code, capsys):
     exec(compile(code, "README.md", "exec"), {})
 
 
 def test_every_command_is_one():
-    commands = [
-        shlex.split(line, comments=True)
-        for block in blocks("sh")
-        for line in block.splitlines()
-        if line.startswith("fullam ")
-    ]
-    assert len(commands) >= 5
-    for command in commands:
-        assert build_parser().parse_args(command[1:]).verb == command[1]
+    typed = [command for block in BLOCKS for command in block.commands]
+    assert len(typed) >= 5
+    for command in typed:
+        assert build_parser().parse_args(command).verb == command[0]
 
 
 def test_links_and_pictures_exist():

@@ -1,7 +1,7 @@
 """Campaigns: many flights over seeds, on one process or many, that lose nothing when stopped.
 
-Every contender meets the same weather under the same seed. A flight that diverges, or whose
-allocation finds no answer, is a row. The result is the same file whatever flew it.
+Every contender meets the same weather under the same seed. A flight that diverges or swings, or
+whose allocation finds no answer, is a row. The result is the same file whatever flew it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fullam.analysis import provenance
 from fullam.analysis.campaign_store import open_store
@@ -30,6 +29,7 @@ from fullam.control.controllers import controller_class, recommended_estimator, 
 from fullam.control.estimators import estimator_class, register_estimator
 from fullam.exceptions import CampaignError, FullamWarning
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.kernel import KERNELS, kernel
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.progress import Progress
@@ -355,8 +355,7 @@ def _flown(
         here = [key for key in pending if campaign.drivers[key[1]] == "fused"]
         there = [key for key in pending if campaign.drivers[key[1]] != "fused"]
     if here:
-        # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-        with threadpool_limits(1):
+        with one_blas_thread():
             yield from campaign.fly(here, jobs)
     if not there:
         return

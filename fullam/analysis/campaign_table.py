@@ -7,10 +7,11 @@ both are verified on reading. What is read must have all columns of `SCHEMA`, in
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,11 @@ from fullam.analysis.judged import Judged
 from fullam.analysis.metrics import AXIS_FIGURES, FLIGHT_FIGURES, UNITS, Metrics, axis_key
 from fullam.analysis.provenance import canonical_json
 from fullam.analysis.table_digest import table_digest
-from fullam.exceptions import CampaignError
+from fullam.exceptions import CampaignError, MissingDependency
 from fullam.simulation.scenario import AXES
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 Key = tuple[str, str, int]
@@ -133,6 +137,29 @@ class CampaignTable:
     def __len__(self) -> int:
         """Number of flights."""
         return self.rows.num_rows
+
+    def __repr__(self) -> str:
+        """How many flights of what, and how they ended."""
+        outcomes = Counter(self.rows.column("outcome").to_pylist())
+        ended = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
+        what = " x ".join(
+            f"{len(set(labels))} {name}s" for name, labels in self._labels.items() if len(labels)
+        )
+        return f"<CampaignTable of {len(self)} flights ({what}): {ended}; .to_pandas()>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The rows as a table of pandas, a flight each; what could not be measured is NaN.
+
+        Raises:
+            MissingDependency: pandas is not installed.
+        """
+        rows = self.rows.replace_schema_metadata(None)
+        if rows.column("trace").null_count == len(self):
+            rows = rows.drop_columns(["trace"])
+        try:
+            return rows.to_pandas()
+        except ImportError as error:
+            raise MissingDependency("a campaign as a table", "pandas", "export") from error
 
     def _where(self, scenario: str | None, contender: str | None) -> NDArray[np.bool_]:
         mask = np.ones(len(self), dtype=bool)

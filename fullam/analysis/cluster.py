@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from fullam.analysis.luggage import equipped
 from fullam.analysis.worker_processes import MOST_JOBS, WorkerProcesses
 from fullam.exceptions import CampaignError, FullamWarning, MissingDependency
+from fullam.numbers.blas import one_blas_thread
 
 CONNECT_TIMEOUT = 10.0
 """How long a scheduler may take to answer, and its first worker to appear [s]."""
@@ -289,7 +288,7 @@ def open_workers(
                 scheduler = Scheduler(scheduler)
             yield stack.enter_context(scheduler.connect())
         elif threads and jobs > 1:
-            stack.enter_context(threadpool_limits(1))
+            stack.enter_context(one_blas_thread())
             pool = ThreadPoolExecutor(jobs)
             stack.callback(pool.shutdown, wait=False, cancel_futures=True)
             yield Threads(pool)
@@ -298,6 +297,5 @@ def open_workers(
             stack.callback(processes.close)
             yield processes
         else:
-            # Small matrices gain nothing from threads, and on a busy machine they lose tenfold.
-            stack.enter_context(threadpool_limits(1))
+            stack.enter_context(one_blas_thread())
             yield ThisProcess()

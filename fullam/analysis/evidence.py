@@ -16,6 +16,7 @@ from scipy.optimize import lsq_linear
 
 from fullam.analysis.campaign_table import CampaignTable
 from fullam.analysis.claims import SUBJECT, Bound, Claim, Paired, Side
+from fullam.analysis.judged import LOST
 from fullam.analysis.statistics import (
     Interval,
     mean_interval,
@@ -59,7 +60,7 @@ def _largest(*columns: str, size: bool = False) -> Figure:
 
 
 def _lost(table: CampaignTable, scenario: str, contender: str) -> NDArray[np.bool_]:
-    return table.column("outcome", scenario, contender) != "completed"
+    return np.isin(table.column("outcome", scenario, contender), LOST)
 
 
 FIGURES: dict[str, Figure] = {

@@ -194,6 +194,22 @@ class TrackJudge:
         figures["settled"][:] = figures["settling_time_s"] >= 0.0
         return figures
 
+    def errors(self, rows: slice) -> list[Array] | None:
+        """Errors of the flights of full length that were judged last, in all lanes.
+
+        Args:
+            rows: Of the track.
+
+        Returns:
+            Views of p - p_d and of the rotation vector of R R_d^T, six of shape (N, lanes)
+            [mm, deg]; None if they were not judged from there on.
+        """
+        start = self._judge.asked.start
+        if rows.start < start:
+            return None
+        signals = self._program.view.signals.array[:, rows.start - start : rows.stop - start]
+        return [signals[i].reshape(signals.shape[1], -1) for i in (0, 1, 2, 6, 7, 8)]
+
     def _take(self, figures: Figures, rows: int, flights: NDArray[np.intp]) -> None:
         """Judge the flights of one length."""
         judge, program = self._judge, self._program

@@ -16,6 +16,7 @@ from fullam.analysis.asked_motion import AskedMotion
 from fullam.analysis.deviation import coordinates, track_of
 from fullam.analysis.judge import Figures, Judge
 from fullam.analysis.metrics import noise_floors
+from fullam.analysis.swing_watch import SwingWatch
 from fullam.analysis.tool_error import AskedTool
 from fullam.control.controllers import controller_class
 from fullam.control.estimator import flies_as_kernel
@@ -61,14 +62,18 @@ def driver_of(controller: str, estimator: str | None, driver: str = FASTEST) -> 
     return "fused" if kernels and available() else "python"
 
 
+LOST = ("diverged", "failed")
+"""Outcomes of a flight that did not come to its end."""
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
     """What stays of some flights of a plan.
 
     Attributes:
         seeds: Their seeds.
-        outcomes: "completed", "diverged" or "failed".
-        reasons: Why one did not complete.
+        outcomes: "completed", "oscillating", "diverged" or "failed".
+        reasons: Why one did not complete, or how it swings.
         figures: Their figures; without rows for one that failed.
         traces: Motions [mm, deg], shape (samples, 6) each; None if they are not kept.
     """
@@ -115,12 +120,16 @@ def fly_judged(
 
     def collect(block: Block) -> Callable[[Sequence[int]], list[Judged]]:
         of_track = judge.over(block.track)
+        swinging = SwingWatch(block, of_track)
 
         def judged(some: Sequence[int]) -> list[Judged]:
             ended = [_ended(block, lane, seed) for lane, seed in enumerate(some)]
             rows, outcomes, reasons = zip(*ended, strict=True)
             figures = of_track.figures(rows, [outcome == "diverged" for outcome in outcomes])
             traces = _traces(block.track["pose"], rows, trace_every)
+            found = swinging.among(outcomes)
+            outcomes = tuple("oscillating" if k in found else o for k, o in enumerate(outcomes))
+            reasons = tuple(found.get(k, reason) for k, reason in enumerate(reasons))
             return [Judged(tuple(some), outcomes, reasons, figures, traces)]
 
         return judged
@@ -159,9 +168,7 @@ def _fly_by_python(plan: FlightPlan, seed: int, judge: Judge, trace_every: int) 
         return Judged((seed,), ("failed",), (str(error),), unknown, traces)
     figures = figures_of(judge, run, plan.nominal.rotors.k_f)
     traces = _traces(run.pose[..., None], [len(run)], trace_every)
-    # As machine code tells it: in a campaign the figures say how a flight swings.
-    ended = ("diverged", run.metadata["reason"]) if run.diverged else ("completed", "")
-    return Judged((seed,), ended[:1], ended[1:], figures, traces)
+    return Judged((seed,), (run.outcome,), (run.metadata["reason"],), figures, traces)
 
 
 def _ended(block: Block, lane: int, seed: int) -> tuple[int, str, str]:

@@ -1,14 +1,14 @@
-"""The flights of a campaign that were lost, flown again to say why."""
+"""The flights of a campaign that were lost or that swing, flown again to say why."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from fullam.analysis.diagnosis import Finding, diagnose
-from fullam.analysis.judged import FLIGHT_ENDED, driver_of
+from fullam.analysis.judged import FLIGHT_ENDED, LOST, driver_of
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import simulate
@@ -20,16 +20,19 @@ if TYPE_CHECKING:
 MOST = 5
 """So many are flown again: the first ones of a table tell as much as all of them."""
 
+OSCILLATING = ("oscillating",)
+"""Outcome of a flight that came to its end swinging; see `fullam.simulation.oscillation`."""
+
 
 @dataclass(frozen=True)
 class LostFlight:
-    """A flight that did not complete.
+    """A flight that was not well.
 
     Attributes:
         scenario: Its name.
         contender: Label of who flew.
         seed: Seed of the weather.
-        reason: How it ended.
+        reason: How it ended, or swings.
         findings: What was in its way.
     """
 
@@ -40,22 +43,25 @@ class LostFlight:
     findings: tuple[Finding, ...]
 
 
-def lost_flights(table: CampaignTable, most: int = MOST) -> tuple[int, list[LostFlight]]:
+def lost_flights(
+    table: CampaignTable, most: int = MOST, outcomes: Sequence[str] = LOST
+) -> tuple[int, list[LostFlight]]:
     """How many flights of a campaign were lost, and the first of them explained.
 
     Args:
         table: Its rows, which know the conditions.
         most: Flights to fly again.
+        outcomes: Which flights are meant; `OSCILLATING` asks for those that swing.
     """
-    lost = list(_lost(table))
+    lost = list(_lost(table, outcomes))
     return len(lost), [_explained(table, *row) for row in itertools.islice(lost, most)]
 
 
-def _lost(table: CampaignTable) -> Iterator[tuple[str, str, int, str]]:
+def _lost(table: CampaignTable, outcomes: Sequence[str]) -> Iterator[tuple[str, str, int, str]]:
     """Scenario, contender, seed, reason."""
     columns = [table.column(name) for name in ("scenario", "contender", "seed", "reason")]
     for row, outcome in zip(zip(*columns, strict=True), table.column("outcome"), strict=True):
-        if outcome != "completed":
+        if outcome in outcomes:
             scenario, contender, seed, reason = row
             yield str(scenario), str(contender), int(seed), str(reason)
 

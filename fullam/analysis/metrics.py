@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.analysis import metrics_table
 from fullam.analysis.asked_motion import AskedMotion
 from fullam.analysis.deviation import track_of
 from fullam.analysis.judge import COLUMN, NOISE_SIGMAS, Figures, Judge
@@ -105,7 +106,7 @@ def _json(value: Any) -> Any:
     return None if value != value else value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Metrics:
     """Figures of one flight; see the module's docstring for the rules.
 
@@ -156,6 +157,14 @@ class Metrics:
     duration_s: float
     tool_rms_mm: float | None
     axes: dict[str, AxisMetrics]
+
+    def __repr__(self) -> str:
+        """The figures as tables: axis by axis, and of the whole flight."""
+        return metrics_table.as_text(self)
+
+    def _repr_html_(self) -> str:
+        """The same tables in a notebook."""
+        return metrics_table.as_html(self)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values; the axes are nested under "axes", what could not be measured is None."""

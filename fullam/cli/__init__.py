@@ -8,12 +8,12 @@ usage or input, 130 interrupted.
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import pkgutil
 import sys
 import warnings
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 from fullam import interrupt
@@ -48,10 +48,18 @@ PLUGIN = argument(
 """Every verb has it."""
 
 
+HEAVY = "fullam.simulation.simulate"
+"""What nearly every verb needs, Pinocchio below it; imported while an interrupt still ends the
+process at once, since one that is raised within somebody else's extension may be lost."""
+
+LIGHT = ("completion", "equations", "new")
+"""Verbs that fly nothing."""
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser with every verb of the package."""
     for module in pkgutil.iter_modules(__path__):
-        importlib.import_module(f"{__name__}.{module.name}")
+        import_module(f"{__name__}.{module.name}")
     parser = _Parser(
         "fullam",
         description=DESCRIPTION,
@@ -77,7 +85,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    interrupt.release()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", FullamWarning)
@@ -96,6 +103,9 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments = build_parser().parse_args(argv)
     except SystemExit as end:  # argparse has printed what it had to say
         return end.code if isinstance(end.code, int) else USAGE
+    if arguments.verb not in LIGHT:
+        import_module(HEAVY)
+    interrupt.release()
     try:
         for source in arguments.plugin:
             load_plugin(source)

@@ -28,7 +28,8 @@ SCHEDULER = (
     argument("--tls-key", metavar="FILE", help="the key of that (.pem)"),
 )
 SUMMARY = (
-    ("lost", "outcome", 0),
+    ("lost", "lost", 0),
+    ("oscillating", "oscillating", 0),
     ("settling [s]", "settling_time_s", 2),
     ("overshoot [%]", "overshoot_percent", 2),
     ("RMS [mm]", "rms_position_mm", 2),
@@ -36,7 +37,7 @@ SUMMARY = (
     ("excursion [mm]", "max_excursion_mm", 1),
     ("jitter [deg]", "jitter_attitude_deg", 3),
 )
-"""Columns of the summary: text, column of the rows, digits."""
+"""Columns of the summary: text, a count of `_counts` or a column of the rows, digits."""
 
 
 def result_path(text: str) -> Path:
@@ -97,7 +98,7 @@ def sweep(arguments: argparse.Namespace) -> int:
 
     All controllers meet the same weather under the same seed. Rows are kept as flights finish: the
     same command continues a sweep that was interrupted or killed, and ends with the same file,
-    whatever the number of jobs. A flight that diverges is a row.
+    whatever the number of jobs. A flight that diverges or swings is a row and says so.
     """
     from fullam.analysis.campaign import Campaign
     from fullam.analysis.campaign import sweep as fly
@@ -162,14 +163,11 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
     for scenario in campaign.scenarios:
         for contender in campaign.contenders:
             where = (scenario.name, contender.label)
-            figures = {}
-            for _, name, _digits in SUMMARY:
+            figures = _counts(rows.column("outcome", *where).tolist())
+            for _, name, _digits in SUMMARY[len(figures) :]:
                 values = rows.column(name, *where)
-                if name == "outcome":
-                    figures[name] = float(np.sum(values != "completed"))
-                else:
-                    finite = np.where(np.isnan(values), np.inf, values.astype(float))
-                    figures[name] = float(middle(finite))
+                finite = np.where(np.isnan(values), np.inf, values.astype(float))
+                figures[name] = float(middle(finite))
             data.append({"scenario": where[0], "contender": where[1], "median": figures})
             cells = [
                 number(figures[n] if np.isfinite(figures[n]) else None, d) for _, n, d in SUMMARY
@@ -183,6 +181,14 @@ def _summarize(rows: CampaignTable, campaign: Any, arguments: argparse.Namespace
     say(f"\nmedians over {arguments.runs} seeds; {len(rows)} rows in {arguments.out}")
     drivers = ", ".join(f"{label}: {driver}" for label, driver in campaign.drivers.items())
     say(f"driver of {drivers}")
+
+
+def _counts(outcomes: list[str]) -> dict[str, float]:
+    """How many flights were lost, and how many swing about their target."""
+    from fullam.analysis.judged import LOST
+
+    lost = sum(outcome in LOST for outcome in outcomes)
+    return {"lost": float(lost), "oscillating": float(outcomes.count("oscillating"))}
 
 
 @verb(

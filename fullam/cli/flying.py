@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from fullam.analysis.metrics_table import as_text, cell, figures_of
 from fullam.cli import options
-from fullam.cli.output import complain, number, progress, say, say_json, table
+from fullam.cli.output import complain, progress, say, say_json, table
 from fullam.cli.verbs import FAILED, OK, argument, verb
 
 if TYPE_CHECKING:
@@ -16,42 +16,6 @@ if TYPE_CHECKING:
     from fullam.analysis.metrics import Metrics
     from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
-
-AXIS_ROWS = (
-    ("step", "step", 2),
-    ("settling time, 2 % [s]", "settling_time_s", 2),
-    ("settling time, 5 % [s]", "settling_time_5_s", 2),
-    ("overshoot [% of the step]", "overshoot_percent", 2),
-    ("overshoot [% of the set point]", "overshoot_setpoint_percent", 2),
-    ("steady error", "steady_error", 2),
-    ("RMS error", "rms", 2),
-    ("largest excursion", "max_excursion", 2),
-    ("jitter above 2 Hz", "jitter", 3),
-)
-"""Rows of the table of one flight: text, field of `AxisMetrics`, digits."""
-
-FLIGHT_ROWS = (
-    ("settled", "settled", "", 0),
-    ("diverged", "diverged", "", 0),
-    ("settling time, 2 %", "settling_time_s", "s", 2),
-    ("settling time, 5 %", "settling_time_5_s", "s", 2),
-    ("settling time, 2 %, raw", "settling_time_raw_s", "s", 2),
-    ("overshoot, of the step", "overshoot_percent", "%", 2),
-    ("overshoot, of the step, raw", "overshoot_raw_percent", "%", 2),
-    ("overshoot, of the set point", "overshoot_setpoint_percent", "%", 2),
-    ("RMS position", "rms_position_mm", "mm", 2),
-    ("RMS attitude", "rms_attitude_deg", "deg", 3),
-    ("steady position error", "steady_position_mm", "mm", 2),
-    ("steady attitude error", "steady_attitude_deg", "deg", 3),
-    ("largest excursion, position", "max_excursion_mm", "mm", 2),
-    ("largest excursion, attitude", "max_excursion_deg", "deg", 2),
-    ("jitter above 2 Hz, position", "jitter_position_mm", "mm", 3),
-    ("jitter above 2 Hz, attitude", "jitter_attitude_deg", "deg", 3),
-    ("saturated ticks", "saturated_share", "%", 1),
-    ("thrust sum over weight", "effort", "", 3),
-    ("RMS of the tool from its path", "tool_rms_mm", "mm", 2),
-)
-"""Rows of a table of flights: text, field of `Metrics`, unit, digits."""
 
 
 @verb(
@@ -88,7 +52,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
         found |= contact_data(run)
         say_json(identity(run) | metrics.to_dict() | found)
     else:
-        say(f"{heading(run)}, {run.controller}\n\n{axes_table(metrics)}\n\n{summary(metrics)}")
+        say(f"{heading(run)}, {run.controller}\n\n{as_text(metrics)}")
         for kind, path in files.items():
             say(f"{kind} saved to {path}")
         explain(run, metrics)
@@ -145,7 +109,7 @@ def compare_controllers(arguments: argparse.Namespace) -> int:
         header = ["", "unit", *labels]
         rows = [
             [text, unit, *(cell(metrics, field, digits) for _, metrics in flights)]
-            for text, field, unit, digits in flight_rows([metrics for _, metrics in flights])
+            for text, field, unit, digits in figures_of([metrics for _, metrics in flights])
         ]
         say(f"{heading(runs[0])}\n\n{table(rows, header, left=2)}")
         for kind, path in files.items():
@@ -278,35 +242,3 @@ def heading(run: Run) -> str:
 
     vehicle, scenario = run.metadata["vehicle"]["definition"]["name"], run.scenario
     return f"{scenario.name}: {scenario.duration:g} s, {vehicle}, {weather_caption(run)}"
-
-
-def axes_table(metrics: Metrics) -> str:
-    """One flight, one column a controlled axis."""
-    header = ["", *(f"{name} [{axis.unit}]" for name, axis in metrics.axes.items())]
-    rows = [
-        [text, *(number(getattr(axis, field), digits) for axis in metrics.axes.values())]
-        for text, field, digits in AXIS_ROWS
-    ]
-    return table(rows, header)
-
-
-def flight_rows(flights: Sequence[Metrics]) -> list[tuple[str, str, str, int]]:
-    """`FLIGHT_ROWS`, the tool's only where one has a task."""
-    has_tool = any(metrics.tool_rms_mm is not None for metrics in flights)
-    return [row for row in FLIGHT_ROWS if has_tool or row[1] != "tool_rms_mm"]
-
-
-def summary(metrics: Metrics) -> str:
-    """One flight as a whole, one figure a line."""
-    rows = [
-        (text, cell(metrics, field, digits), unit)
-        for text, field, unit, digits in flight_rows([metrics])
-    ]
-    width = max(len(value) for _, value, _ in rows)
-    return table([(text, value.rjust(width), unit) for text, value, unit in rows], left=3)
-
-
-def cell(metrics: Metrics, field: str, digits: int) -> str:
-    """A figure of a flight; shares in percent."""
-    value = getattr(metrics, field)
-    return number(100.0 * value if field.endswith("_share") else value, digits)

@@ -6,10 +6,12 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
+from fullam.analysis.text_table import number as number
+from fullam.analysis.text_table import table as table
 from fullam.checks import CONTROL
 
 if TYPE_CHECKING:
@@ -64,39 +66,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def table(rows: Sequence[Sequence[str]], header: Sequence[str] = (), left: int = 1) -> str:
-    """Rows as text in aligned columns.
-
-    Args:
-        rows: Cells; every row as long as the header.
-        header: Names of the columns, underlined; none by default.
-        left: How many columns, from the first, are aligned to the left; the others are numbers.
-    """
-    lines = [list(row) for row in ([header] if header else []) + list(rows)]
-    if not lines:
-        return ""
-    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
-    text = [
-        "  ".join(
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
-    if header:
-        text.insert(1, "-" * (sum(widths) + 2 * (len(widths) - 1)))
-    return "\n".join(text)
-
-
-def number(value: float | bool | None, digits: int = 2) -> str:
-    """A cell: fixed digits, yes or no, or a dash for what does not exist."""
-    if value is None or value != value:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.{digits}f}"
 
 
 @contextmanager

@@ -82,7 +82,7 @@ class BacksteppingSettings(TrackingSettings):
 
     Attributes:
         position_gains: C1 [1/s], C2 [1/s], L [1/s^2] of the three positions.
-        attitude_gains: The same for the axis-angle error.
+        attitude_gains: C1 [1/s], C2 [1/s], L [1/s^2] of the axis-angle error.
         integral_limits: Largest L s, linear [m/s] and angular [rad/s].
     """
 

@@ -53,7 +53,7 @@ class PidSettings(TrackingSettings):
 
     Attributes:
         position_gains: Kp [1/s^2], Ki [1/s^3], Kd [1/s] of the three positions.
-        attitude_gains: The same for the axis-angle error.
+        attitude_gains: Kp [1/s^2], Ki [1/s^3], Kd [1/s] of the axis-angle error.
         integral_limits: Largest integrator output, linear [m/s^2] and angular [rad/s^2].
         wrench_bounds: Symmetric bounds on the commanded wrench, except that the vertical force is
             kept in [0, bound]; six numbers [N, N m], world axes, or None for no bound.

@@ -23,9 +23,8 @@ import pinocchio as pin
 from fullam.checks import FINITE, Checker, positive, within
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
+from fullam.model.definition_keys import BODY, names_of
 from fullam.model.physics import inertia_problem
-
-BODY_KEYS = ("link", "mass", "center", "inertia")
 
 TRIANGLE = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 """Rows and columns of the six numbers of an inertia."""
@@ -45,8 +44,8 @@ def replace_bodies(definition: Mapping[str, Any], model: pin.Model, where: str) 
     for index, table in enumerate(tables):
         field = f"body[{index + 1}]"
         check = Checker(where, VehicleError)
-        read.check_keys(table, BODY_KEYS, where, field)
-        for key in BODY_KEYS:
+        read.check_keys(table, names_of(BODY), where, field)
+        for key in names_of(BODY):
             if key not in table:
                 raise VehicleError(where, f"{field}.{key}", "is missing", "state it")
         link = read.text(table, "link", where)

@@ -11,9 +11,9 @@ import numpy as np
 
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
+from fullam.model.definition_keys import MOUNT, names_of
 from fullam.model.physics import parse_urdf
 
-MOUNT_KEYS = ("link", "position", "rpy_deg")
 NAMED = ("link", "joint")
 """Elements whose names must differ."""
 
@@ -39,7 +39,7 @@ def compose(platform: str, arm: str, table: Mapping[str, Any], root: str, where:
     whole = parse_urdf(platform, f"{where} (the platform's URDF)")
     added = parse_urdf(arm, f"{where} (the arm's URDF)")
     mount = read.subtable(table, "mount", where)
-    read.check_keys(mount, MOUNT_KEYS, where, "arm.mount")
+    read.check_keys(mount, names_of(MOUNT), where, "arm.mount")
     prefix = read.text(table, "prefix", where, "")
     _prefix_names(added, prefix)
     _rename_materials(added, {m.get("name") for m in whole.findall("material")})

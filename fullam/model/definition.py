@@ -15,19 +15,21 @@ from numpy.typing import NDArray
 
 from fullam.checks import FINITE, Checker, Range, shown
 from fullam.exceptions import VehicleError
+from fullam.model.definition_keys import (
+    ARM,
+    ARM_IN_THE_URDF,
+    REQUIRED,
+    ROTOR,
+    ROTOR_DEFAULTS,
+    names_of,
+)
 from fullam.model.rotors import Rotors
 
 Array = NDArray[np.float64]
 
-TOP_KEYS = (
-    "name", "description", "urdf", "platform", "arm", "tool", "held", "mass", "gravity", "physics",
-    "rotor_defaults", "rotor", "servo", "body", "design",
-)  # fmt: skip
-ARM_KEYS = ("joints", "urdf", "mount", "prefix")
-ROTOR_NUMBERS = ("k_f", "k_tau", "max_speed", "lag")
-ROTOR_OPTIONS = {"min_speed": 0.0}
+ROTOR_NUMBERS = tuple(key.name for key in ROTOR_DEFAULTS if key.default is REQUIRED)
+ROTOR_OPTIONS = {key.name: key.default for key in ROTOR_DEFAULTS if key.default is not REQUIRED}
 """Numbers of a rotor that need not be stated, and what they are then."""
-ROTOR_KEYS = ("name", "frame", "position", "axis", "spin", *ROTOR_NUMBERS, *ROTOR_OPTIONS)
 MOST_ROTORS = 1000
 
 
@@ -124,7 +126,8 @@ def arm_joints(definition: Mapping[str, Any], where: str) -> tuple[str, ...]:
     """
     arm = definition.get("arm", [])
     if isinstance(arm, Mapping):
-        check_keys(arm, ARM_KEYS if "urdf" in arm else ARM_KEYS[:1], where, "arm")
+        known = ARM if "urdf" in arm else ARM_IN_THE_URDF
+        check_keys(arm, names_of(known), where, "arm")
         return names(arm, "joints", where)
     return names(definition, "arm", where)
 
@@ -159,7 +162,7 @@ def read_rotors(definition: Mapping[str, Any], model: pin.Model, where: str) -> 
     rows: list[tuple[Array, Array, float, list[float]]] = []
     for index, table in enumerate(tables):
         field = f"rotor[{index + 1}]"
-        check_keys(table, ROTOR_KEYS, where, field)
+        check_keys(table, names_of(ROTOR), where, field)
         position, axis = _pose(table, model, where, field)
         numbers = {**ROTOR_OPTIONS, **defaults, **table}
         for key in ("spin", *ROTOR_NUMBERS):

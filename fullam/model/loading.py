@@ -11,11 +11,10 @@ from fullam.checks import Checker, read_text, read_toml, shown
 from fullam.exceptions import UnknownName, VehicleError
 from fullam.model import definition as read
 from fullam.model.composition import compose, move_meshes
+from fullam.model.definition_keys import URDF, names_of
 from fullam.model.packages import package_roots
 from fullam.model.vehicle import Vehicle
 from fullam.model.xacro_files import expand_xacro
-
-URDF_KEYS = ("package", "path", "args")
 
 
 def vehicle_folders() -> tuple[Path, ...]:
@@ -127,7 +126,7 @@ def _robot_file(table: Mapping[str, Any], path: Path, field: str) -> Path:
     where, entry = str(path), table.get("urdf")
     if not isinstance(entry, Mapping):
         return path.parent / read.text(table, "urdf", where)
-    read.check_keys(entry, URDF_KEYS, where, field)
+    read.check_keys(entry, names_of(URDF), where, field)
     inner = read.text(entry, "path", where)
     if "package" in entry:
         return _package_file(read.text(entry, "package", where), inner, where)

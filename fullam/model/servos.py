@@ -26,19 +26,23 @@ from numpy.typing import NDArray
 
 from fullam.checks import Checker, Range, from_zero, positive, shown
 from fullam.exceptions import VehicleError
+from fullam.model.definition_keys import SERVO, names_of
 from fullam.model.joints import ArmJoints
 
 Array = NDArray[np.float64]
 
-NUMBERS: dict[str, tuple[float, Range]] = {
-    "stall_torque": (1.5, positive(1e5, "N m")),
-    "no_load_speed_rpm": (59.0, positive(1e5, "rpm")),
-    "resolution_deg": (300.0 / 1023.0, from_zero(90.0, "deg")),
-    "slope_deg": (32.0 * 300.0 / 1023.0, positive(1e3, "deg")),
-    "armature": (0.0024, positive(1e4, "kg m^2")),
-    "pinion_radius": (0.02, positive(10.0, "m")),
+RANGES: dict[str, Range] = {
+    "stall_torque": positive(1e5, "N m"),
+    "no_load_speed_rpm": positive(1e5, "rpm"),
+    "resolution_deg": from_zero(90.0, "deg"),
+    "slope_deg": positive(1e3, "deg"),
+    "armature": positive(1e4, "kg m^2"),
+    "pinion_radius": positive(10.0, "m"),
 }
-"""What a `[servo]` table may state, the AX-12A's values, and what makes sense."""
+"""What makes sense for each number of a `[servo]` table."""
+
+DEFAULTS: dict[str, float] = {key.name: key.default for key in SERVO if key.kind == "number"}
+"""The AX-12A's values."""
 
 STOP = 20.0
 """Stiffness of a joint's stops, in those of its servo: it gives by a twentieth of `slope` at
@@ -91,7 +95,7 @@ class Servos:
         Raises:
             VehicleError: An unknown key or joint, or a number out of range.
         """
-        common = _numbers(table, "servo", {**{k: v for k, (v, _) in NUMBERS.items()}}, where)
+        common = _numbers(table, "servo", DEFAULTS, where)
         own = table.get("joints", {})
         if not isinstance(own, Mapping):
             raise VehicleError(where, "servo.joints", f"is {shown(own)}", "give a table of tables")
@@ -104,7 +108,7 @@ class Servos:
                     f"its joints are {', '.join(joints.names) or 'none'}",
                 )
         each = [_numbers(own.get(n, {}), f"servo.joints.{n}", common, where) for n in joints.names]
-        columns = {k: np.array([numbers[k] for numbers in each]) for k in NUMBERS}
+        columns = {k: np.array([numbers[k] for numbers in each]) for k in DEFAULTS}
         # What a pinion makes of a torque and of an angle.
         lever = np.where(joints.prismatic, columns["pinion_radius"], 1.0)
         stall = columns["stall_torque"] / lever
@@ -126,7 +130,7 @@ def _numbers(table: Any, field: str, default: Mapping[str, float], where: str) -
     check = Checker(where, VehicleError)
     if not isinstance(table, Mapping):
         raise VehicleError(where, field, f"is {shown(table)}", "give a table, { name = value }")
-    known = (*NUMBERS, "joints") if field == "servo" else tuple(NUMBERS)
+    known = names_of(SERVO) if field == "servo" else tuple(DEFAULTS)
     for key in table:
         if key not in known:
             raise VehicleError(
@@ -134,5 +138,5 @@ def _numbers(table: Any, field: str, default: Mapping[str, float], where: str) -
             )
     return {
         key: check.number(f"{field}.{key}", table.get(key, default[key]), range)
-        for key, (_, range) in NUMBERS.items()
+        for key, range in RANGES.items()
     }

@@ -19,6 +19,7 @@ from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.articulation import articulate, build_model
 from fullam.model.bodies import replace_bodies
+from fullam.model.definition_keys import GRAVITY, VEHICLE, names_of
 from fullam.model.joints import ArmJoints
 from fullam.model.physics import (
     check_bodies,
@@ -33,9 +34,6 @@ from fullam.model.servos import Servos
 from fullam.model.wrench_axes import rank_on, require_rank
 
 Array = NDArray[np.float64]
-
-GRAVITY = 9.81
-"""Gravity when the definition states none [m/s^2]."""
 
 MOST_GRAVITY = 300.0
 """Gravity at the sun's surface is 274 m/s^2."""
@@ -95,7 +93,7 @@ class Vehicle:
                 source or "vehicle", "definition", f"is {shown(definition)}", "give a mapping"
             )
         where = source or f"vehicle {shown(definition.get('name', '?'))}"
-        read.check_keys(definition, read.TOP_KEYS, where, "")
+        read.check_keys(definition, names_of(VEHICLE), where, "")
         name = read.text(definition, "name", where)
         platform = read.text(definition, "platform", where)
         tool = read.text(definition, "tool", where)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fullam.exceptions import NonFiniteWrench
+from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Program, program
 from fullam.simulation.block import Block, Keep
@@ -71,6 +72,7 @@ class Fused:
             progress(periods, periods)
 
 
+@one_blas_thread()
 def fly(plan: FlightPlan, progress: Progress | None = None) -> Run:
     """Fly one plan by machine code; see `simulate`."""
     fused = Fused(Tables(plan))

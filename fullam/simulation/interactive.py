@@ -20,6 +20,7 @@ from fullam.control.signals import Ahead, Target
 from fullam.control.trim import Trim
 from fullam.dynamics.spatial import Spatial, add_spatial
 from fullam.exceptions import InvalidInput
+from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.records import Rows, flat, record
 from fullam.simulation.crew import Aboard, CrewChange
 from fullam.simulation.finish import finish, trim_data
@@ -227,12 +228,14 @@ class InteractiveFlight(Touch):
     def _arm_row(self, k: int) -> int:
         return 2 * self.plan.simulation.substeps * k
 
+    @one_blas_thread()
     def advance(self, seconds: float) -> None:
         """Fly on for a time [s], or to the end."""
         until = self.period + round(seconds / self.plan.simulation.control_period)
         while self.period < until and self.step():
             pass
 
+    @one_blas_thread()
     def run(self) -> Run:
         """Fly on to the end, and give the record."""
         while self.step():

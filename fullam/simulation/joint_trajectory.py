@@ -205,7 +205,19 @@ class JointTrajectory:
         degree: int = 5,
         at: float = 0.0,
     ) -> JointTrajectory:
-        """The B-spline from rest to rest through joint positions; arguments as `minimum_snap`."""
+        """The B-spline from rest to rest through joint positions.
+
+        Args:
+            waypoints_deg: Shape (N, joints) [deg, or m of a prismatic joint].
+            times: When they are passed, shape (N,) [s]; or
+            speed_deg: Largest speed of any joint [deg/s, or m/s]; the times follow.
+            joints: As the attribute.
+            degree: Of the spline; 3 does not begin with acceleration 0.
+            at: Time of the flight at which it starts [s].
+
+        Raises:
+            ScenarioError: What is wrong, with the row.
+        """
         return cls._through(waypoints_deg, times, speed_deg, joints, degree, at)
 
     @classmethod

@@ -11,6 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 from fullam.exceptions import SettingsError
+from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.machine_code import available
 from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan, checked_seed
@@ -91,6 +92,7 @@ def fly_blocks(
     lanes = lanes if available() and lanes > 1 else 0  # one at a time, as scalars
     tables, local = Tables(plan), threading.local()
 
+    @one_blas_thread()
     def fly(some: Sequence[int]) -> list[Result]:
         if not hasattr(local, "fused"):
             local.fused = Fused(tables, lanes, keep)

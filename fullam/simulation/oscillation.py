@@ -37,6 +37,7 @@ from fullam.simulation.jumps import last_jump
 from fullam.simulation.references import ReferenceTable
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 BANDS = (0.1, float(np.radians(7.0)))
 """Amplitude above which a line is a swing: position [m], attitude [rad]."""
@@ -116,13 +117,12 @@ def swing(
         gust_interval: Time from one gust to the next [s]; None if there are none.
         steady: Whether what decays is no swing; not so before a divergence.
     """
-    centred = e - e.mean(axis=0) if len(e) >= LEAST_ROWS else np.zeros((1, 6))
-    # No line is larger than sqrt(2) times the largest deviation: most flights need no spectrum.
-    may: NDArray[np.bool_] = controlled & (
-        np.sqrt(2.0) * np.abs(centred).max(axis=0) > np.repeat(BANDS, 3)
-    )
+    if len(e) < LEAST_ROWS:
+        return None
+    may: Flags = controlled & [may_swing(e[:, i : i + 1], BANDS[i // 3])[0] for i in range(6)]
     if not may.any():
         return None
+    centred = e - e.mean(axis=0)
     frequencies = np.fft.rfftfreq(len(e), period)
     spacing = frequencies[1]
     power, window = spectrum(e)
@@ -130,7 +130,7 @@ def swing(
     scale = 4.0 / (len(e) * np.sum(window**2))
     quarters = np.array_split(centred, 4)
     size = np.sqrt([np.mean(quarter**2, axis=0) for quarter in quarters])
-    lasts: NDArray[np.bool_] = np.all(size[1:] >= LASTING * size[:-1], axis=0)
+    lasts: Flags = np.all(size[1:] >= LASTING * size[:-1], axis=0)
     worst: tuple[float, Swing] | None = None
     for axis in np.flatnonzero(may):
         peak = int(power[:, axis].argmax())
@@ -155,6 +155,37 @@ def swing(
     return None if worst is None else worst[1]
 
 
+def may_swing(e: Array, band: float) -> Flags:
+    """Whether an axis can swing at all, which spares most flights their spectrum.
+
+    By Parseval no line below half the rate of the rows is larger than the error under the window,
+
+        a^2 <= 2 sum_k w_k^2 (e_k - mean e)^2 / sum_k w_k^2.
+
+    Args:
+        e: Errors of the axis over the steady part of some flights, shape (N, flights).
+        band: Its entry of `BANDS`, in the unit of the errors.
+
+    Returns:
+        Shape (flights,).
+    """
+    # Products of matrices alone, which take a tenth of the time of sums along columns.
+    weights = window_weights(len(e))
+    mean, first = weights @ e
+    _, second = weights @ (e * e)
+    may: Flags = 2.0 * (second + mean * (mean - 2.0 * first)) > band**2
+    return may
+
+
+@lru_cache(maxsize=8)
+def window_weights(rows: int) -> Array:
+    """What makes the mean, and the mean under Hann's window squared, shape (2, rows)."""
+    w2 = np.hanning(rows) ** 2
+    weights = np.stack([np.full(rows, 1.0 / rows), w2 / w2.sum()])
+    weights.setflags(write=False)
+    return weights
+
+
 def flight_swing(plan: FlightPlan, pose: Array) -> Swing | None:
     """The swing of a flight that has come to its end; None if it does not swing.
 
@@ -162,8 +193,8 @@ def flight_swing(plan: FlightPlan, pose: Array) -> Swing | None:
         plan: The plan under the flight's seed.
         pose: True poses, one a control period, shape (N, 7).
     """
-    rows, jump = len(pose), jump_of(plan.asked, tuple(plan.scenario.initial_pose))
-    part = slice(jump + (rows - jump) // 2, rows)
+    rows = len(pose)
+    part = steady_part(plan, rows)
     asked = plan.asked.pose[part]
     arm = plan.arm.theta[:: plan.arm_row(1)][:rows][part]
     return swing(
@@ -173,6 +204,12 @@ def flight_swing(plan: FlightPlan, pose: Array) -> Swing | None:
         np.hstack([asked, arm]),
         plan.weather.gust_interval if plan.weather.gust_scale.any() else None,
     )
+
+
+def steady_part(plan: FlightPlan, rows: int) -> slice:
+    """Rows of the second half of what follows the last jump of the reference."""
+    jump = jump_of(plan.asked, tuple(plan.scenario.initial_pose))
+    return slice(jump + (rows - jump) // 2, rows)
 
 
 @lru_cache(maxsize=8)
@@ -188,11 +225,11 @@ def spectrum(e: Array) -> tuple[Array, Array]:
     return np.abs(np.fft.rfft((e - e.mean(axis=0)) * window[:, None], axis=0)) ** 2, window
 
 
-def forced_bins(asked: Array) -> NDArray[np.bool_]:
+def forced_bins(asked: Array) -> Flags:
     """Bins at which something moves that was asked to, but for drifts, shape (bins,)."""
     power, _ = spectrum(asked)
     power[:CYCLES] = 0.0
     most = power.max(axis=0)
     moves = np.ptp(asked, axis=0) > 1e-6
-    forced: NDArray[np.bool_] = (moves & (power > FORCED_SHARE * most)).any(axis=1)
+    forced: Flags = (moves & (power > FORCED_SHARE * most)).any(axis=1)
     return forced

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,14 @@ from fullam.dynamics.pose_space import euler_from_pose
 from fullam.exceptions import RunFileError
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle
-from fullam.simulation import run_file
+from fullam.simulation import run_export, run_file, run_tables
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import Weather
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 Array = NDArray[Any]
 
@@ -173,6 +177,11 @@ class Run:
         return units
 
     @property
+    def meanings(self) -> dict[str, str]:
+        """What each column is."""
+        return {name: column.meaning for name, column in COLUMNS.items()}
+
+    @property
     def euler_xyz(self) -> Array:
         """True x-y-z Euler angles (phi, psi, gamma), eq. (2), shape (N, 3) [rad]."""
         return euler_from_pose(self.pose)
@@ -272,6 +281,58 @@ class Run:
                 **self.columns,
             )
         return path
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The record as a table of pandas: a row a control period, `t` [s] as index.
+
+        Each component has a column, `pose_x`, `arm_joint_1`, `rotor_speeds_3`; `attrs["units"]` has
+        their units, and `attrs` what was flown.
+
+        Raises:
+            MissingDependency: pandas is not installed.
+        """
+        return run_tables.to_pandas(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The record as arrays of xarray: one a column, over `t` and the names of its components.
+
+        Each has `units` and `long_name`; the attributes of the whole say what was flown.
+
+        Raises:
+            MissingDependency: xarray is not installed.
+        """
+        return run_tables.to_xarray(self)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write the table of `to_pandas`, `t` first, as text that reads back bit for bit.
+
+        `saturated` is 0 or 1.
+
+        Raises:
+            RunFileError: The name does not end in .csv.
+        """
+        return run_tables.to_csv(self, path)
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write the table of `to_pandas`, `t` first, to a Parquet file, with units.
+
+        Raises:
+            RunFileError: The name does not end in .parquet.
+            MissingDependency: pyarrow is not installed.
+        """
+        return run_export.to_parquet(self, path)
+
+    def to_mcap(self, path: str | Path) -> Path:
+        """Write an MCAP file, for Foxglove or PlotJuggler: a topic a column, JSON messages.
+
+        The frames "platform", "estimate" and "reference" move in "world". Times are from the start
+        of the flight; numbers that are not finite are null.
+
+        Raises:
+            RunFileError: The name does not end in .mcap.
+            MissingDependency: mcap is not installed.
+        """
+        return run_export.to_mcap(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> Run:

@@ -14,6 +14,7 @@ from fullam.control.settings_file import SettingsFile
 from fullam.exceptions import Diverged, FullamWarning, ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
+from fullam.numbers.blas import one_blas_thread
 from fullam.simulation import fused
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
@@ -207,6 +208,7 @@ def pilot(driver: str) -> Callable[[FlightPlan, Progress | None], Run]:
     return fused.fly if driver == "fused" else fly_by_python
 
 
+@one_blas_thread()
 def fly_by_python(plan: FlightPlan, progress: Progress | None = None) -> Run:
     """Fly one plan by Python; see `simulate`."""
     flight, total = Flight(plan), plan.t.size

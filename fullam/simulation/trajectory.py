@@ -214,7 +214,16 @@ class Trajectory:
     ) -> Trajectory:
         """The B-spline from rest to rest through waypoints; of degree 5 it has the least jerk.
 
-        Arguments and errors as `minimum_snap`; degree 3 does not begin with acceleration 0.
+        Args:
+            waypoints: Positions, shape (N, 3) [m].
+            times: When they are passed, shape (N,) [s]; or
+            speed: Largest speed on the way [m/s]; times then follow from the ways between them.
+            euler_deg: x-y-z Euler angles at each, shape (N, 3), or all the way, shape (3,) [deg].
+            degree: Of the spline; 3 does not begin with acceleration 0.
+            at: Time of the flight at which it starts [s].
+
+        Raises:
+            ScenarioError: What is wrong, with the row.
         """
         return cls._through(waypoints, times, speed, euler_deg, degree, at)
 

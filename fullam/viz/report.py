@@ -184,7 +184,7 @@ for like: it has a Kalman filter, Backstepping the paper’s filter.)</p>
 {report_tables.targets_table(result)}
 <h2 id="recorded">The group’s recorded runs</h2>
 {_recorded_text(result)}{report_tables.recorded_table(result.recorded)}
-<h2 id="lost">Flights that were lost</h2>{lost_section(result)}
+<h2 id="lost">Flights that were lost, or swing</h2>{lost_section(result)}
 <h2 id="figures">The paper’s figures</h2>{figures}
 <h2 id="how">How this was measured</h2>{_how(result)}
 <footer>Every number on this page is in <code>data/*.parquet</code> beside it, one row a

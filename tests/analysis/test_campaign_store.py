@@ -1,5 +1,6 @@
 """What a store has been given it keeps, and what it reads is what was written."""
 
+import sys
 from dataclasses import replace
 
 import pytest
@@ -9,11 +10,12 @@ pytest.importorskip("pyarrow", reason="the extra 'campaign' is not installed")
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+import fullam
 from fullam.analysis import campaign_store
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.analysis.campaign_store import CampaignStore
 from fullam.analysis.campaign_table import DIGEST, METADATA, read_campaign
-from fullam.exceptions import CampaignError
+from fullam.exceptions import CampaignError, MissingDependency
 from fullam.simulation.scenario import load_scenario
 
 BRIEF = replace(load_scenario("position-1"), name="brief", duration=0.1)
@@ -105,3 +107,28 @@ def test_columns_stand_in_their_order_and_once(written, tmp_path):
         pq.write_table(other, path)
         with pytest.raises(CampaignError, match="twice, or in another order"):
             read_campaign(path)
+
+
+def test_the_rows_open_in_pandas_in_one_call(written):
+    pandas = pytest.importorskip("pandas", reason="the extra 'export' is not installed")
+    path, table = written
+    direct, own = pandas.read_parquet(path), fullam.read_campaign(path).to_pandas()
+    assert len(direct) == len(own) == len(table) == 3
+    for name in ("outcome", "seed", "contender", "rms_position_mm", "z_rms_mm"):
+        assert direct[name].tolist() == own[name].tolist() == table.column(name).tolist()
+    assert [len(trace) for trace in own["trace"]] == [6 * len(t) for t in table.traces()]
+    assert "3 flights (1 scenarios x 1 contenders): 3 completed" in repr(table)
+
+
+def test_rows_without_traces_have_no_empty_column_of_them(tmp_path):
+    pytest.importorskip("pandas", reason="the extra 'export' is not installed")
+    table = sweep(Campaign((BRIEF,), ("pid",), (0,)), tmp_path / "rows.parquet")
+    assert "trace" not in table.to_pandas()
+    assert "trace" in table.rows.column_names
+
+
+def test_without_pandas_the_message_names_the_extra(written, monkeypatch):
+    _, table = written
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingDependency, match=r"fullam\[export\]"):
+        table.to_pandas()

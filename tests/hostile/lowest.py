@@ -19,12 +19,13 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-EXTRAS = ("campaign", "notebook", "xacro", "test")
+EXTRAS = ("campaign", "completion", "export", "notebook", "xacro", "test")
 TESTS = (
     *("tests/test_bad_files.py", "tests/test_files.py", "tests/hostile/test_fuzz.py"),
     *("tests/analysis/test_campaign.py", "tests/analysis/test_campaign_store.py", "tests/model"),
     *("tests/analysis/test_cluster.py", "tests/numbers", "tests/control/test_law_contract.py"),
     *("tests/analysis/test_tuning.py", "tests/simulation/test_run.py", "tests/dynamics"),
+    "tests/simulation/test_run_export.py",
     *("tests/viz/test_figures.py", "tests/control/test_allocation.py"),
 )
 LENIENT = (

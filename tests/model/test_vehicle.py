@@ -9,9 +9,10 @@ import pinocchio as pin
 import pytest
 
 from fullam.exceptions import NotFullyActuated, VehicleError
+from fullam.model.definition_keys import GRAVITY
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.perturbation import Uncertainty, perturb
-from fullam.model.vehicle import GRAVITY, Vehicle
+from fullam.model.vehicle import Vehicle
 
 ROTOR_ARRAYS = ("positions", "axes", "spins", "k_f", "k_tau", "max_speeds", "lags")
 

@@ -154,11 +154,17 @@ def test_lost_flights_are_explained_on_the_page(flown, monkeypatch):
     """Short flights are not lost; were they, the page would say which and why."""
     folder, result = flown
     page = (folder / "index.html").read_text(encoding="utf-8")
-    assert '<h2 id="lost">Flights that were lost</h2><p>None.</p>' in page
+    assert '<h2 id="lost">Flights that were lost, or swing</h2><p>None.</p>' in page
     finding = Finding("saturation", "rotors <at> their bounds", "less")
     flight = LostFlight("task-1", "dc-pid", 7, "at t = 1 s", (finding,))
-    monkeypatch.setattr(report_lost, "lost_flights", lambda table: (3, [flight]))
+    swinging = replace(flight, seed=8, reason="x swings by 200 mm at 1.00 Hz")
+
+    def found(table, most, outcomes):
+        return (3, [flight]) if "diverged" in outcomes else (2, [swinging])
+
+    monkeypatch.setattr(report_lost, "lost_flights", found)
     section = report_lost.lost_section(result)
-    assert "<b>3 of " in section
+    assert "<b>3 of " in section and "were lost" in section
+    assert "<b>2 of " in section and "seed 8: x swings by 200 mm" in section
     assert "dc-pid, task-1, seed 7: at t = 1 s" in section
     assert "rotors &lt;at&gt; their bounds: less" in section

@@ -1,15 +1,25 @@
 """What a notebook cell shows: a page in a frame, and sliders that change the vehicle."""
 
+import base64
+import json
+import re
 import time
 
 import numpy as np
 import pytest
 
 import fullam
-from fullam.exceptions import InvalidInput, MissingDependency
+from fullam.exceptions import FullamError, InvalidInput, MissingDependency
+from fullam.viz.viewer import view as view_module
+from fullam.viz.viewer.browser import Browser
+from fullam.viz.viewer.replay import Film
+from fullam.viz.viewer.sketch import sketch_page
 from fullam.viz.viewer.widgets import canted
 
 pytest.importorskip("ipywidgets")
+
+MOST = 100_000
+"""Bytes that a look at a flight may add to a notebook."""
 
 
 @pytest.fixture
@@ -19,14 +29,148 @@ def explorer():
     made.close()
 
 
-def test_a_cell_holds_the_whole_page():
+@pytest.fixture(autouse=True)
+def nothing_served():
+    """Servers end with their test."""
+    yield
+    while view_module.SERVED:
+        view_module.SERVED.pop().close()
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fullam.simulate("task-2", driver="fused")
+
+
+def test_a_cell_holds_the_whole_page_if_it_shall():
     data = fullam.load_scenario("task-2").to_dict() | {"duration": 0.2}
     run = fullam.simulate(fullam.Scenario.from_dict(data), calm=True)
-    view = fullam.view(run, height=333)
+    view = fullam.view(run, height=333, embed=True)
     cell = view._repr_html_()
     assert "height: 333px" in cell and "srcdoc=" in cell
     assert "fullam.film(" in cell and "script src" not in cell
     assert "task-2" in repr(view)
+
+
+def lines_of(page):
+    """The numbers of a drawing, as its script reads them."""
+    data = json.loads(re.search(r"const SKETCH = (.*?);\n", page, re.DOTALL)[1])
+    steps = np.frombuffer(base64.b64decode(data["data"]), "<i2")
+    return data, steps.reshape(data["count"], data["width"])
+
+
+@pytest.mark.parametrize("name", ["fullam", "hextilt", "borinot"])
+def test_a_cell_of_a_vehicle_is_light(name):
+    assert len(fullam.view(fullam.load_vehicle(name))._repr_html_().encode()) < MOST
+
+
+def test_a_cell_of_records_is_light_and_holds_the_address_of_the_whole(run):
+    view = fullam.view(run, run, height=333)
+    cell = view._repr_html_()
+    assert len(cell.encode()) < MOST
+    assert "height: 333px" in cell and "srcdoc=" in cell
+    assert view._server().token in cell
+    assert view._repr_html_() == cell, "one server a view, however often it is shown"
+
+
+def test_a_long_film_is_light_too(run):
+    film = fullam.view(run).film
+    long = Film(film.scene, np.tile(film.frames, (17, 1)), film.rate)
+    page = sketch_page(long)
+    assert len(page.encode()) < MOST
+    data, _ = lines_of(page)
+    assert data["duration"] == pytest.approx(long.duration, abs=1.0 / data["rate"])
+
+
+def test_a_drawing_is_where_the_film_is(run):
+    film = fullam.view(run).film
+    data, steps = lines_of(sketch_page(film))
+    [drawn] = data["vehicles"]
+    assert data["rate"] == film.rate and data["count"] == len(film.frames)
+    place = steps[:, drawn["pose"] : drawn["pose"] + 3] * data["scale"] + data["centre"]
+    # The film's frames are every third or fourth tick; half a step of rounding, and of 32 bits.
+    np.testing.assert_allclose(place, film.frames[:, 1:4], rtol=0.0, atol=0.51 * data["scale"])
+    assert data["scale"] < 1e-3
+    q = steps[:, drawn["pose"] + 3 : drawn["pose"] + 7].astype(float)
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    assert np.all(np.abs(np.sum(q * film.frames[:, 4:8], axis=1)) > 1.0 - 1e-6)
+    assert np.all(np.sum(q[1:] * q[:-1], axis=1) > 0.0), "no jump of sign to interpolate through"
+    assert len(drawn["rotors"]) == 8 and len(drawn["joints"]) == 4
+    hubs = np.array([rotor["ring"][0] for rotor in drawn["rotors"]])
+    np.testing.assert_allclose(hubs, run.vehicle.rotors.positions, atol=0.02)  # drawn a bit above
+
+
+def test_what_is_not_finite_is_drawn_somewhere(run):
+    film = fullam.view(run).film
+    frames = film.frames.copy()
+    frames[-1, 1:] = np.nan
+    frames[-2, 1:4] = np.inf, -1e20, 0.0
+    _, steps = lines_of(sketch_page(Film(film.scene, frames, film.rate)))
+    assert steps.shape[0] == len(frames)
+
+
+def test_the_last_views_are_served_and_older_ones_again_when_they_are_shown_again(run, monkeypatch):
+    monkeypatch.setattr(view_module, "MOST_SERVED", 2)
+    views = [fullam.view(run) for _ in range(3)]
+    servers = [view._server() for view in views]
+    assert [server._thread.is_alive() for server in servers] == [False, True, True]
+    assert views[2]._server() is servers[2]
+    again = views[0]._server()
+    assert again is not servers[0] and again._thread.is_alive()
+    assert not servers[1]._thread.is_alive()
+
+
+def test_a_view_is_served_even_if_nobody_keeps_it(run):
+    """As after `display(fullam.view(run))`."""
+    server = fullam.view(run)._server()
+    assert server._thread.is_alive()
+
+
+def test_a_cell_is_drawn_where_nothing_can_be_served(run, monkeypatch):
+    def refuse(*_, **__):
+        raise FullamError("no port")
+
+    monkeypatch.setattr("fullam.viz.viewer.view.ViewerServer", refuse)
+    cell = fullam.view(run)._repr_html_()
+    assert "SKETCH" in cell and "reachLive" not in cell
+
+
+@pytest.mark.browser
+def test_an_exported_cell_plays_without_asking_anybody_and_a_live_one_shows_the_scene(
+    run, tmp_path
+):
+    view = fullam.view(run)
+    inner = "document.querySelector('iframe')?.contentDocument"
+    page = tmp_path / "notebook.html"
+    asked = (
+        "document.querySelector('iframe').contentWindow.performance.getEntriesByType('resource')"
+    )
+    with Browser(640, 520, network=False) as browser:
+
+        def show(top):
+            page.write_text(f"<body>{top}{view._repr_html_()}</body>", encoding="utf-8")
+            browser.command("Page.navigate", url=page.resolve().as_uri())
+
+        show("")
+        browser.wait_for(f"{inner}?.getElementById('now')?.textContent > '0.3'")
+        assert browser.evaluate(f"{asked}.length") == 0
+        browser.evaluate(f"{inner}?.getElementById('play').click()")
+        stands = browser.evaluate(f"{inner}?.getElementById('now').textContent")
+        time.sleep(0.1)
+        assert browser.evaluate(f"{inner}?.getElementById('now').textContent") == stands
+        dark = (
+            f"(() => {{ const c = {inner}?.getElementById('sketch'); const p = c.getContext('2d')"
+            ".getImageData(0, 0, c.width, c.height).data; let n = 0;"
+            "for (let i = 3; i < p.length; i += 4) n += p[i] > 0; return n / (c.width * c.height);"
+            "})()"
+        )
+        assert 0.01 < browser.evaluate(dark) < 0.5, "lines, and paper between them"
+
+        config = json.dumps({"baseUrl": "http://127.0.0.1:9/"})
+        show(f'<script id="jupyter-config-data" type="application/json">{config}</script>')
+        browser.wait_for(f"{inner}?.querySelector('iframe')?.src === {view._server().url!r}")
+        assert view._server().wait_for_page(20.0)
+        assert browser.complaints == []
 
 
 def test_a_vehicle_among_records_is_refused():

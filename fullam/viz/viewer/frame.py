@@ -9,41 +9,56 @@ from __future__ import annotations
 
 import html
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fullam.viz.viewer.server import ViewerServer
 
-CELL = """<!DOCTYPE html><meta name="referrer" content="no-referrer">
-<style>html, body, iframe { margin: 0; width: 100%; height: 100%; border: 0; overflow: hidden;
-font: 13px system-ui, sans-serif; }</style><p id="said"></p><script>
-const at = PLACES, show = (where) => {
+REACH = """// Where a server of the kernel is, as this browser sees it.
+function notebook() {
+  try {
+    const told = parent.document.getElementById("jupyter-config-data");
+    const base = told ? JSON.parse(told.textContent).baseUrl : parent.document.body.dataset.baseUrl;
+    return base ? new URL(base, parent.location.href).href : null;
+  } catch (error) { return null; }
+}
+function reach(at, found, lost) {
+  const base = notebook();
+  const places = [at.direct, ...(base ? [`${base}proxy/${at.port}/${at.token}/`] : [])];
+  const attempt = (k) => {
+    if (k === places.length) return lost();
+    const probe = document.createElement("script");
+    probe.src = `${places[k]}here.js`;
+    probe.onload = () => found(places[k]);
+    probe.onerror = () => attempt(k + 1);
+    document.head.append(probe);
+  };
+  attempt(0);
+}
+function show(where) {
   const frame = document.createElement("iframe");
   frame.src = where;
   frame.allow = "fullscreen; gamepad";
   document.body.replaceChildren(frame);
-};
-let base = null;
-try {
-  const told = parent.document.getElementById("jupyter-config-data");
-  base = told ? JSON.parse(told.textContent).baseUrl : parent.document.body.dataset.baseUrl;
-  base = base && new URL(base, parent.location.href).href;
-} catch (error) { base = null; }
-const places = [at.direct, ...(base ? [`${base}proxy/${at.port}/${at.token}/`] : [])];
-const attempt = (k) => {
-  if (k === places.length) {
-    document.getElementById("said").textContent = "The flight is served at port " + at.port +
-      " of the kernel's machine, and cannot be reached from this browser. Install " +
-      "jupyter-server-proxy beside the notebook's server, or forward that port.";
-    return;
-  }
-  const probe = document.createElement("script");
-  probe.src = `${places[k]}here.js`;
-  probe.onload = () => show(places[k]);
-  probe.onerror = () => attempt(k + 1);
-  document.head.append(probe);
-};
-attempt(0);
+}
+// A page of a saved notebook asks nobody: only where there may be a kernel.
+function reachLive(at) {
+  let editor = false;
+  try { editor = parent.location.protocol === "vscode-webview:"; } catch (error) { /* closed */ }
+  if (notebook() || editor) reach(at, show, () => {});
+}"""
+"""Functions of a cell's page."""
+
+CELL = """<!DOCTYPE html><meta name="referrer" content="no-referrer">
+<style>html, body, iframe { margin: 0; width: 100%; height: 100%; border: 0; overflow: hidden;
+font: 13px system-ui, sans-serif; }</style><p id="said"></p><script>
+FUNCTIONS
+const at = PLACES;
+reach(at, show, () => {
+  document.getElementById("said").textContent = "The flight is served at port " + at.port +
+    " of the kernel's machine, and cannot be reached from this browser. Install " +
+    "jupyter-server-proxy beside the notebook's server, or forward that port.";
+});
 </script>"""
 
 
@@ -54,9 +69,23 @@ def frame_html(server: ViewerServer, height: int) -> str:
         server: The server.
         height: Of the cell [px].
     """
-    places = json.dumps({"direct": server.url, "port": server.port, "token": server.token})
-    page = html.escape(CELL.replace("PLACES", places), quote=True)
+    page = CELL.replace("FUNCTIONS", REACH).replace("PLACES", json.dumps(places(server)))
+    return in_a_frame(page, height)
+
+
+def places(server: ViewerServer) -> dict[str, Any]:
+    """Where a server can be reached."""
+    return {"direct": server.url, "port": server.port, "token": server.token}
+
+
+def in_a_frame(page: str, height: int) -> str:
+    """A page of its own inside a cell.
+
+    Args:
+        page: The page.
+        height: Of the cell [px].
+    """
     return (
-        f'<iframe srcdoc="{page}" style="width: 100%; height: {height}px; border: 0" '
-        'allow="fullscreen; gamepad"></iframe>'
+        f'<iframe srcdoc="{html.escape(page, quote=True)}" style="width: 100%; '
+        f'height: {height}px; border: 0" allow="fullscreen; gamepad"></iframe>'
     )

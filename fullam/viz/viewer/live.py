@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fullam.analysis.atlas.envelope import Envelope
 from fullam.exceptions import FullamError, InvalidInput
+from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.records import flat
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.interactive import InteractiveFlight
@@ -232,7 +233,7 @@ class LiveFlight:
         start = pace.clock()
         while not self.transport.quit:
             self.orders.obey(server, pace)
-            if self.transport.playing and self.flight.step():
+            if self.transport.playing and self._step():
                 pace.keep()
             elif not (stay or not self.transport.playing):
                 break
@@ -242,6 +243,11 @@ class LiveFlight:
             server.push(self.frame())
         wall = pace.clock() - start
         return LiveReport(self.flight.record, wall, pace.frames + 1, pace.latest)
+
+    def _step(self) -> bool:
+        # Not for as long as the page is open: a notebook computes other things beside it.
+        with one_blas_thread():
+            return self.flight.step()
 
     def _stand(self, server: ViewerServer, pace: _Pace) -> None:
         """Nothing flies; somebody else may have flown on, and hands may want something."""

@@ -1,0 +1,31 @@
+"""`fullam export`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fullam.cli.output import say
+from fullam.cli.verbs import OK, argument, verb
+
+FORMATS = ("mcap", "csv", "parquet")
+
+
+@verb(
+    "export",
+    argument("run", metavar="FILE", help="a run file (.npz)"),
+    argument("--to", choices=FORMATS, required=True, help="the other tool's format"),
+    argument("--out", type=Path, metavar="FILE", help="default: FILE with the format's suffix"),
+)
+def export(arguments: argparse.Namespace) -> int:
+    """Write a record as a file of other tools.
+
+    mcap for Foxglove and PlotJuggler, csv and parquet for tables: a column a component, `pose_x`,
+    `rotor_speeds_1`, in SI units. mcap and parquet need the extra `fullam[export]`.
+    """
+    from fullam.simulation.run import Run
+    from fullam.simulation.run_export import FORMATS as writers
+
+    out = arguments.out or Path(arguments.run).with_suffix(f".{arguments.to}")
+    say(f"{arguments.to} saved to {writers[arguments.to](Run.load(arguments.run), out)}")
+    return OK
