@@ -1,5 +1,6 @@
 """What the viewer shows of a tool that touches, carries and draws, and of an arm on servos."""
 
+import base64
 import threading
 from dataclasses import replace
 
@@ -26,6 +27,7 @@ from fullam.viz.viewer.replay import film
 from fullam.viz.viewer.scene import WIDTHS, VehicleScene
 from fullam.viz.viewer.scenery import THICK, Scenery
 from fullam.viz.viewer.server import ViewerServer
+from fullam.viz.viewer.sketch import sketch_of
 from fullam.viz.viewer.snapshot import Snapshot
 
 SINGLE = 1e-5
@@ -283,3 +285,26 @@ def test_a_flight_against_a_wall_is_seen_live(chromium):
         chromium.wait_for("fullam.state.time > 0.45")
         strips = "Charts.rows.map((row) => row[row.length - 2])"  # the last is the hand's
         assert max(chromium.evaluate(strips)) > 0.5
+
+
+def test_the_line_drawing_of_a_notebook_shows_it_too(run):
+    drawn = sketch_of(film(run, rate=20.0))
+    (vehicle,) = drawn["vehicles"]
+    # A tile and a box have two loops and four edges, a ball three rings.
+    assert len(vehicle["world"]) == 6 + 3 + 6
+    wall, ball = np.array(vehicle["world"][0]), np.array(vehicle["world"][6])
+    np.testing.assert_allclose(wall[:, 0], 0.58, atol=1e-4)  # it is rounded to that
+    np.testing.assert_allclose(np.linalg.norm(ball - [0.0, 0.0, -3.0], axis=1), 0.2, atol=1e-4)
+    steps = np.frombuffer(base64.b64decode(drawn["data"]), "<i2")
+    steps = steps.reshape(drawn["count"], drawn["width"]) * 1.0
+    (at,) = vehicle["balls"]
+    t = np.arange(drawn["count"]) / drawn["rate"]
+    np.testing.assert_array_equal(steps[:, at] < 32000, (t > 0.195) & (t < 0.395))
+    contact, tool = (
+        steps[:, i : i + 3] * drawn["scale"] + drawn["centre"]
+        for i in (vehicle["contact"], vehicle["tool"])
+    )
+    force = run.contact_force[[round(100 * x) for x in t]]
+    length = 4.0 * VehicleScene(run.vehicle, "").force_scale * np.linalg.norm(force, axis=1)
+    # Steps of the drawing's numbers are half a millimetre.
+    np.testing.assert_allclose(np.linalg.norm(tool - contact, axis=1), length, atol=1e-3)
