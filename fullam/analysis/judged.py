@@ -139,15 +139,21 @@ def fly_judged(
 
 
 def judge_of(plan: FlightPlan) -> Judge:
-    """How the flights of a plan are judged."""
+    """How the flights of a plan are judged.
+
+    A track keeps no joints: of an arm that yields, the tool's error is not known here.
+    """
     initial_pose = np.array(plan.scenario.initial_pose)
-    arm = plan.arm.theta[plan.arm_row(1) * np.arange(len(plan.t))]
+    tool = None
+    if plan.simulation.plant == "prescribed":
+        arm = plan.arm.theta[plan.arm_row(1) * np.arange(len(plan.t))]
+        tool = AskedTool.of(plan.scenario, plan.nominal, plan.t, arm)
     return Judge(
         AskedMotion.of(plan.t, plan.asked.pose, initial_pose),
         np.array(plan.scenario.axes_mask),
         noise_floors(plan.weather),
         plan.nominal.mass * plan.nominal.gravity,
-        AskedTool.of(plan.scenario, plan.nominal, plan.t, arm),
+        tool,
     )
 
 

@@ -31,12 +31,12 @@ class ServoSettings:
     Attributes:
         feedback: What the law is told of the arm: "twin", "encoder", "command" or "truth"; see
             `fullam.control.arm_feedback`.
-        feed_forward: What the servos' goals are shifted by: "gravity", "motion" (and gravity) or
+        feed_forward: What the servos' goals are shifted by: "motion" (and gravity), "gravity" or
             "off"; see `fullam.control.arm_goals`.
     """
 
     feedback: str = "twin"
-    feed_forward: str = "gravity"
+    feed_forward: str = "motion"
 
     def __post_init__(self) -> None:
         """Check the names."""

@@ -157,7 +157,8 @@ def pushed():
 def test_dc_pid_plus_winds_its_observer_up_against_a_wall(pushed):
     assert pushed.well and pushed.simulation.plant == "servo"
     force = pushed.contact_force[-50:].mean(axis=0)
-    assert -20.0 < force[0] < -3.0 and np.abs(force[1:]).max() < 0.05
+    assert -20.0 < force[0] < -3.0
+    assert np.linalg.norm(force[1:]) < 0.5 * -force[0]  # within the cone of friction
     tool = 0.6 + pushed.pose[-1, 0]
     assert tool < 0.68  # 0.68 is where the target would have it; servos and platform give way
 

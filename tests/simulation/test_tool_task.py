@@ -334,3 +334,11 @@ def test_the_circle_that_is_registered_is_drawn():
     for law, most in (("dc-pid", 0.5), ("dc-pid-plus", 0.2)):
         run = fullam.simulate("draw-circle", law, calm=True, driver="fused")
         assert fullam.measure(run).tool_rms_mm < most
+
+
+def test_a_campaign_does_not_pretend_to_know_where_an_arm_that_yields_was():
+    brief = replace(load_scenario("draw-circle"), duration=1.0)
+    rigid, yielding = (prepare(brief, "dc-pid-plus", plant=p) for p in ("prescribed", "servo"))
+    known, unknown = (next(iter(fly_judged(plan, [1]))).figures for plan in (rigid, yielding))
+    assert np.isfinite(known["tool_rms_mm"]).all()
+    assert np.isnan(unknown["tool_rms_mm"]).all()
