@@ -29,6 +29,7 @@ from fullam.simulation.block import Block
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.fused import Fused
+from fullam.simulation.plant_settings import in_kernels
 from fullam.simulation.references import Step
 from fullam.simulation.tables import Tables
 
@@ -101,7 +102,8 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
 
     Without failed rotors it is level, with some in the attitude which the others hold best.
     The pose and the inertial sensors keep their noise, which some laws listen to, and their biases;
-    no pose is missing or an outlier, and parameters are exact.
+    no pose is missing or an outlier, and parameters are exact. Where MuJoCo flies, the plant with
+    the same joints that machine code can fly stands in for it.
     """
     s, euler_deg = plan.scenario, (0.0, 0.0, 0.0)
     if plan.trim is not None:
@@ -113,6 +115,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         initial_euler_deg=euler_deg,
         arm_motion=HoldArm(),
         duration=SETTLE + HORIZON,
+        world_file=None,
     )
     weather = replace(
         plan.weather,
@@ -121,7 +124,8 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         uncertainty=Uncertainty(share=0.0),
         sensors=plan.weather.sensors.without_lost_poses(),
     )
-    simulation = replace(plan.simulation, governor=None)
+    plant, chosen = in_kernels(plan.simulation.plant, plan.simulation.plant_settings)
+    simulation = replace(plan.simulation, governor=None, plant=plant, plant_settings=chosen)
     parts = scenario, plan.nominal, plan.controller, plan.settings, simulation, weather
     return FlightPlan.prepare(*parts, plan.seed)
 
