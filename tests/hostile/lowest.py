@@ -35,9 +35,10 @@ TESTS = (
 LENIENT = (
     *("-W", "ignore::DeprecationWarning", "-W", "ignore::PendingDeprecationWarning"),
     *("--ignore", "tests/model/test_any_urdf.py"),
+    *("--deselect", "tests/test_plugins.py::test_what_new_writes_passes_the_linter"),
 )
 """Old versions of one package deprecate, and are deprecated by, new ones of another; and the robots
-that others describe are mended from version to version of their package."""
+that others describe are mended from version to version of their package. Linters are not here."""
 
 NOT_INSTALLED = ("ruff", "mypy")
 """They check, and bring nothing that runs."""
