@@ -18,7 +18,9 @@ from fullam.analysis.campaign_store import CampaignStore
 from fullam.simulation.scenario import load_scenario
 
 SCRIPT = """
-import sys, time
+import signal, sys, time
+# A shell starts what is in the background with interrupts ignored, children of it too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, {here!r})
 import kills, fullam.simulation.simulate
 print("ready", flush=True)
