@@ -99,6 +99,8 @@ class Answers:
 def hover_of(plan: FlightPlan) -> FlightPlan:
     """A flight's vehicle, law, estimator and sensors in level hover, its arm held, in still air.
 
+    Nothing is within reach: what touches a wall in some periods is no linear loop.
+
     Without failed rotors it is level, with some in the attitude which the others hold best.
     The pose and the inertial sensors keep their noise, which some laws listen to, and their biases;
     no pose is missing or an outlier, and parameters are exact.
@@ -113,6 +115,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         initial_euler_deg=euler_deg,
         arm_motion=HoldArm(),
         duration=SETTLE + HORIZON,
+        world=(),
     )
     weather = replace(
         plan.weather,
