@@ -248,9 +248,9 @@ def _unsettled(run: Run, vehicle: Vehicle) -> list[Finding]:
     if not late:
         return []
     told = ", ".join(f"{name} ({axis.rms:.2g} {axis.unit} RMS)" for name, axis in late)
-    if (contact := contact_of(run)) is not None:
+    if contact_of(run) is not None:
         remedy = "along the normal of a law that pushes so it should be; else target what is free"
-        return [Finding("contact", f"{told} is off its target, where the tool {contact}", remedy)]
+        return [Finding("contact", f"{told} is off its target, and the tool touches", remedy)]
     own = recommended_estimator("dc-pid-plus")
     remedy = f"see it --calm; a longer flight, or less noise to the law (dc-pid-plus with {own})"
     return [Finding("unsettled", f"{told} does not stay in its band", remedy)]

@@ -28,7 +28,7 @@ def test_a_wall_nearby_is_none_of_the_loops_margins_and_what_holds_an_axis_off_i
     assert hover_of(prepare(near, "hybrid-force", calm=True)).scenario.world == ()
     run = simulate(near, "hybrid-force", driver="fused", calm=True)
     (found,) = diagnose(run)
-    assert found.kind == "contact" and "touched from" in found.what and "pushes" in found.remedy
+    assert found.kind == "contact" and "x (" in found.what and "pushes" in found.remedy
 
 
 def test_a_law_that_knows_of_no_contact_is_told_of():
