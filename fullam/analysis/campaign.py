@@ -130,8 +130,10 @@ class Campaign:
         own = {cls.__module__ for cls in self.registered.values()}
         self._fix(kernels=tuple(k for k in KERNELS if k.__module__ in own))
         usual = self.simulation.estimator
+        plants = [self.simulation.plant, *(s.plant for s in scenarios)]
         drivers = {
-            c.label: driver_of(c.controller, c.estimator or usual, self.driver) for c in contenders
+            c.label: driver_of(c.controller, c.estimator or usual, self.driver, plants)
+            for c in contenders
         }
         self._fix(drivers=drivers)
         differences: dict[str, None] = {}

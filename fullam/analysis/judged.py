@@ -6,7 +6,7 @@ of some threads, and are judged where they were flown. All others fly one by one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,7 @@ from fullam.simulation import fused
 from fullam.simulation.block import Block
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.many import fly_blocks
+from fullam.simulation.plant_settings import IN_KERNELS, in_kernels
 from fullam.simulation.run import Run
 from fullam.simulation.simulate import DRIVERS, fly_by_python
 
@@ -41,13 +42,16 @@ FLIGHT_ENDED = (NonFiniteWrench, AllocationFailed, np.linalg.LinAlgError)
 """What ends a flight without divergence; all other errors are mistakes of whoever asked for it."""
 
 
-def driver_of(controller: str, estimator: str | None, driver: str = FASTEST) -> str:
-    """The driver that is meant: machine code where law and estimator are written as kernels.
+def driver_of(
+    controller: str, estimator: str | None, driver: str = FASTEST, plants: Iterable[str] = ()
+) -> str:
+    """The driver that is meant: machine code where law, estimator and plant are kernels.
 
     Args:
         controller: Name of the controller.
         estimator: Name of the estimator; None for the controller's own.
         driver: One of `DRIVERS`, or `FASTEST`.
+        plants: Names of the plants that fly.
 
     Raises:
         UnknownName: No such controller, estimator or driver.
@@ -58,7 +62,7 @@ def driver_of(controller: str, estimator: str | None, driver: str = FASTEST) -> 
         return driver
     if driver != FASTEST:
         raise UnknownName("driver", driver, (*DRIVERS, FASTEST))
-    kernels = flies_as_kernels(law) and flies_as_kernel(filtering)
+    kernels = flies_as_kernels(law) and flies_as_kernel(filtering) and not {*plants} & {*IN_KERNELS}
     return "fused" if kernels and available() else "python"
 
 
@@ -113,7 +117,9 @@ def fly_judged(
         UnknownName: No such driver.
     """
     judge = judge_of(plan)
-    if driver_of(plan.controller, plan.simulation.estimator, driver) == "python":
+    simulation = plan.simulation
+    named = driver_of(plan.controller, simulation.estimator, driver, [simulation.plant])
+    if named == "python":
         for seed in seeds:
             yield _fly_by_python(plan, seed, judge, trace_every)
         return
@@ -145,7 +151,7 @@ def judge_of(plan: FlightPlan) -> Judge:
     """
     initial_pose = np.array(plan.scenario.initial_pose)
     tool = None
-    if plan.simulation.plant == "prescribed":
+    if in_kernels(plan.simulation.plant, {})[0] == "prescribed":
         arm = plan.arm.theta[plan.arm_row(1) * np.arange(len(plan.t))]
         tool = AskedTool.of(plan.scenario, plan.nominal, plan.t, arm)
     return Judge(

@@ -78,15 +78,17 @@ def _explained(
     if who["estimator"] not in (None, simulation.estimator):
         given |= {"estimator": who["estimator"], "estimator_settings": {}}
     weather = conditions["weather"] and Weather.from_dict(conditions["weather"])
+    asked = Scenario.from_dict(flown)
+    plants = [str(given.get("plant")), asked.plant]
     try:
         run = simulate(
-            Scenario.from_dict(flown),
+            asked,
             who["controller"],
             settings=who["settings"],
             simulation=given,
             weather=weather,
             seed=seed,
-            driver=driver_of(who["controller"], given["estimator"]),
+            driver=driver_of(who["controller"], given["estimator"], plants=plants),
             throw=False,
         )
     except FLIGHT_ENDED:

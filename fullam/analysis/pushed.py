@@ -29,6 +29,7 @@ from fullam.simulation.block import Block
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.fused import Fused
+from fullam.simulation.plant_settings import in_kernels
 from fullam.simulation.references import Step
 from fullam.simulation.tables import Tables
 
@@ -100,10 +101,10 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
     """A flight's vehicle, law, estimator and sensors in level hover, its arm held, in still air.
 
     Nothing is within reach: what touches a wall in some periods is no linear loop.
-
     Without failed rotors it is level, with some in the attitude which the others hold best.
     The pose and the inertial sensors keep their noise, which some laws listen to, and their biases;
-    no pose is missing or an outlier, and parameters are exact.
+    no pose is missing or an outlier, and parameters are exact. Where MuJoCo flies, the plant with
+    the same joints that machine code can fly stands in for it.
     """
     s, euler_deg = plan.scenario, (0.0, 0.0, 0.0)
     if plan.trim is not None:
@@ -116,6 +117,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         arm_motion=HoldArm(),
         duration=SETTLE + HORIZON,
         world=(),
+        world_file=None,
     )
     weather = replace(
         plan.weather,
@@ -124,7 +126,8 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         uncertainty=Uncertainty(share=0.0),
         sensors=plan.weather.sensors.without_lost_poses(),
     )
-    simulation = replace(plan.simulation, governor=None)
+    plant, chosen = in_kernels(plan.simulation.plant, plan.simulation.plant_settings)
+    simulation = replace(plan.simulation, governor=None, plant=plant, plant_settings=chosen)
     parts = scenario, plan.nominal, plan.controller, plan.settings, simulation, weather
     return FlightPlan.prepare(*parts, plan.seed)
 

@@ -141,8 +141,8 @@ PLANT = (
     argument(
         "--plant",
         metavar="NAME",
-        help="the physics: prescribed, joints follow their motion exactly (default); or servo, "
-        "joints are free and moved by their servos",
+        help="the physics: prescribed, joints follow their motion exactly (default); servo, "
+        "joints are free and moved by their servos; or mujoco, the same by MuJoCo (extra contact)",
     ),
     argument(
         "--plant-set",
@@ -151,7 +151,8 @@ PLANT = (
         default=[],
         metavar="KEY=VALUE",
         help="a setting of the plant; of servo: feedback=twin|encoder|command|truth, "
-        "feed_forward=gravity|motion|off; may be repeated",
+        "feed_forward=gravity|motion|off; of mujoco also integrator=rk4|implicitfast|euler; "
+        "may be repeated",
     ),
 )
 """Which physics flies."""

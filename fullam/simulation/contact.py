@@ -8,12 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fullam.dynamics.articulated import sweep_out
-from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import JointMotion
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial
-from fullam.exceptions import ScenarioError
-from fullam.model.chain import LinkChain
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, absolute, both, kernel, maximum, select, sqrt
 from fullam.numbers.records import Rows
@@ -29,6 +26,7 @@ from fullam.numbers.vectors import (
     scale,
     subtract,
 )
+from fullam.simulation.held_tool import held_tool
 from fullam.simulation.servo_motion import tip_motion
 from fullam.simulation.world import Box, Plane, Sphere, Surface
 
@@ -185,17 +183,9 @@ def world_rows(vehicle: Vehicle, surfaces: Sequence[Surface]) -> World:
     Raises:
         ScenarioError: The tool is not on the arm's last link.
     """
-    chain = LinkChain.from_model(vehicle.model, vehicle.tool)
-    if chain.tool_link != chain.n:
-        raise ScenarioError(
-            f"vehicle '{vehicle.name}'",
-            "tool",
-            f"'{vehicle.tool}' is on link {chain.tool_link} of {chain.n}",
-            "only a tool on the arm's last link can touch the world",
-        )
-    point = LinkRows.of(chain).frames[-1].T @ chain.tool_P
+    point, frame = held_tool(vehicle, "touch the world")
     return World(
-        Rows(Vector, point[None]),
+        Rows(Vector, (frame.T @ point)[None]),
         _rows(PlaneRow, [_plane(s) for s in surfaces if isinstance(s, Plane)]),
         _rows(SphereRow, [_sphere(s) for s in surfaces if isinstance(s, Sphere)]),
         _rows(BoxRow, [_box(s) for s in surfaces if isinstance(s, Box)]),

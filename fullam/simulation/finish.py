@@ -72,7 +72,7 @@ def finish(
         "outcome": outcome,
         "reason": reason,
         "driver": driver,
-        "versions": _versions(driver),
+        "versions": _versions(driver, plan.simulation.plant),
         **({"plugins": plugins} if plugins else {}),
         **trim_data(plan.trim),
         **more,
@@ -88,17 +88,22 @@ def trim_data(trim: Trim | None) -> dict[str, Any]:
 DECISIVE = ("pin", "numpy", "scipy", "proxsuite")
 """The packages that decide a flight's last bits."""
 
-DECISIVE_FOR = {"fused": ("numba", "llvmlite")}
-"""Those that do so under one driver only, by its name."""
+DECISIVE_FOR = {
+    "fused": ("numba", "llvmlite"),
+    "mujoco": ("mujoco",),
+    "mujoco-prescribed": ("mujoco",),
+}
+"""Those that do so under one driver or plant only, by its name."""
 
 
 @functools.cache
-def _versions(driver: str) -> dict[str, str]:
+def _versions(driver: str, plant: str) -> dict[str, str]:
     """What flew: versions of this package, Python and all that decides the last bits."""
+    more = (*DECISIVE_FOR.get(driver, ()), *DECISIVE_FOR.get(plant, ()))
     return {
         "fullam": __version__,
         "python": platform.python_version(),
-        **{name: version_of(name) for name in (*DECISIVE, *DECISIVE_FOR.get(driver, ()))},
+        **{name: version_of(name) for name in (*DECISIVE, *more)},
     }
 
 

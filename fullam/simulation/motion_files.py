@@ -14,6 +14,7 @@ from fullam.exceptions import ScenarioError
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.references import from_dict
 from fullam.simulation.trajectory import Trajectory
+from fullam.simulation.world_file import WorldFile
 
 READERS: dict[str, tuple[str, Any]] = {
     "reference": ("reference", Trajectory.from_csv),
@@ -27,7 +28,8 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
     Args:
         data: The table.
-        folder: Where relative paths begin.
+        folder: Where relative paths begin, those of a scene in MJCF and of a vehicle's TOML (if it
+            is there) as well.
 
     Raises:
         ScenarioError: A file that cannot be read as a motion; names file and line.
@@ -41,6 +43,11 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if isinstance(tool, Mapping) and "path" in tool:
         path = _read(tool["path"], "tool path", Trajectory.from_csv, folder)
         values["tool"] = {**tool, "path": path}
+    if isinstance(values.get("world_file"), str):
+        values["world_file"] = WorldFile.read(folder / values["world_file"])
+    vehicle = values.get("vehicle")
+    if isinstance(vehicle, str) and vehicle.endswith(".toml") and (folder / vehicle).is_file():
+        values["vehicle"] = str(folder / vehicle)
     return values
 
 

@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fullam.checks import Checker, from_zero, positive, within
-from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Link, shift_inertia
 from fullam.exceptions import ScenarioError
-from fullam.model.chain import LinkChain
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, both, kernel, select
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Symmetric, Vector, add_symmetric, axpy, scale, subtract
+from fullam.simulation.held_tool import held_tool
 
 NEVER = 1e6
 """Later than any flight [s]."""
@@ -140,17 +139,10 @@ def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> R
     Raises:
         ScenarioError: The tool is not on the arm's last link.
     """
-    chain = LinkChain.from_model(vehicle.model, vehicle.tool)
-    if chain.tool_link != chain.n:
-        raise ScenarioError(
-            f"vehicle '{vehicle.name}'",
-            "tool",
-            f"'{vehicle.tool}' is on link {chain.tool_link} of {chain.n}",
-            "only a tool on the arm's last link can pick something up",
-        )
-    frame, rows = LinkRows.of(chain).frames[-1], []
+    point, frame = held_tool(vehicle, "pick something up")
+    rows = []
     for body in payloads:
-        center = frame.T @ (chain.tool_P + np.array(body.offset))
+        center = frame.T @ (point + np.array(body.offset))
         own = 0.4 * body.mass * body.radius**2
         rows.append(
             Load(

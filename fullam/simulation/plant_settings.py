@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fullam.checks import Checker
+from fullam.checks import Checker, positive
 from fullam.control.arm_feedback import FEEDBACK
 from fullam.control.arm_goals import FEED_FORWARD
 from fullam.dynamics.integrators import integrator
@@ -35,6 +35,7 @@ class ServoSettings:
             "off"; see `fullam.control.arm_goals`.
     """
 
+    plant: ClassVar[str] = "servo"
     feedback: str = "twin"
     feed_forward: str = "motion"
 
@@ -43,7 +44,7 @@ class ServoSettings:
         for name, known in (("feedback", FEEDBACK), ("feed_forward", FEED_FORWARD)):
             value = getattr(self, name)
             if not isinstance(value, str) or value not in known:
-                raise UnknownName(f"{name} of plant 'servo'", str(value), tuple(known))
+                raise UnknownName(f"{name} of plant '{self.plant}'", str(value), tuple(known))
 
     def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
         """Refuse a time step at which the rule cannot hold the servos.
@@ -73,11 +74,82 @@ class ServoSettings:
             )
 
 
+MUJOCO_INTEGRATORS = {
+    "rk4": "mjINT_RK4",
+    "implicitfast": "mjINT_IMPLICITFAST",
+    "euler": "mjINT_EULER",
+}
+"""MuJoCo's integrators, and what MuJoCo calls them."""
+
+
+@dataclass(frozen=True)
+class MujocoPrescribedSettings:
+    """MuJoCo with joints that follow their motion.
+
+    Attributes:
+        integrator: One of `MUJOCO_INTEGRATORS`; "rk4" is of order 4, the others of order 1.
+    """
+
+    integrator: str = "rk4"
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        _check_integrator("mujoco-prescribed", self.integrator)
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """Any time step will do."""
+
+
+@dataclass(frozen=True)
+class MujocoSettings(ServoSettings):
+    """MuJoCo with joints on servos.
+
+    Attributes:
+        integrator: One of `MUJOCO_INTEGRATORS`; "rk4" is of order 4, the others of order 1.
+        tool_radius: Radius of the ball at the tool that touches [m].
+    """
+
+    plant: ClassVar[str] = "mujoco"
+    integrator: str = "rk4"
+    tool_radius: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the names and the number."""
+        super().__post_init__()
+        _check_integrator(self.plant, self.integrator)
+        check = Checker("plant 'mujoco'", SettingsError)
+        radius = check.number("tool_radius", self.tool_radius, positive(1.0, "m"))
+        object.__setattr__(self, "tool_radius", radius)
+
+    def check_step(self, vehicle: Vehicle, integrator_name: str, period: float) -> None:
+        """See `ServoSettings`; by MuJoCo's integrator."""
+        own = "rk4" if self.integrator == "rk4" else "semi-implicit-euler"
+        super().check_step(vehicle, own, period)
+
+
+def _check_integrator(plant: str, name: Any) -> None:
+    if not isinstance(name, str) or name not in MUJOCO_INTEGRATORS:
+        raise UnknownName(f"integrator of plant '{plant}'", str(name), tuple(MUJOCO_INTEGRATORS))
+
+
 PLANT_SETTINGS: dict[str, type[Any]] = {
     "prescribed": PrescribedSettings,
     "servo": ServoSettings,
+    "mujoco": MujocoSettings,
+    "mujoco-prescribed": MujocoPrescribedSettings,
 }
 """The settings of each plant, by its name; see `plants.PLANTS` for the plants themselves."""
+
+
+IN_KERNELS = {"mujoco": "servo", "mujoco-prescribed": "prescribed"}
+"""Plants that machine code cannot fly, and the one of the same joints that it can."""
+
+
+def in_kernels(name: str, changes: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """A plant and its changed settings, or what machine code flies in its place."""
+    other = IN_KERNELS.get(name, name)
+    known = [f.name for f in fields(PLANT_SETTINGS[other])]
+    return other, {key: value for key, value in changes.items() if key in known}
 
 
 def plant_settings(name: str, changes: Mapping[str, Any]) -> Any:

@@ -72,13 +72,13 @@ COLUMNS: dict[str, Column] = {
 }
 """Every column of a run, in order."""
 
-PLANT_COLUMNS: dict[str, dict[str, Column]] = {
-    "servo": {
-        "arm_goal": Column("arm", "rad", "goals of the servos; [m] of prismatic joints"),
-        "arm_torque": Column("arm", "N m", "torques at the joints; [N] of prismatic joints"),
-        "contact_force": Column(3, "N", "force of the world on the tool, world axes"),
-    },
+SERVO_COLUMNS: dict[str, Column] = {
+    "arm_goal": Column("arm", "rad", "goals of the servos; [m] of prismatic joints"),
+    "arm_torque": Column("arm", "N m", "torques at the joints; [N] of prismatic joints"),
+    "contact_force": Column(3, "N", "force of the world on the tool, world axes"),
 }
+
+PLANT_COLUMNS: dict[str, dict[str, Column]] = {"servo": SERVO_COLUMNS, "mujoco": SERVO_COLUMNS}
 """More columns of runs of a plant, by its name."""
 
 

@@ -30,6 +30,7 @@ from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import PAPER, Weather
 from fullam.simulation.weather import weather as named_weather
 from fullam.simulation.world import Surface, surface
+from fullam.simulation.world_file import WorldFile
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,8 @@ class Scenario:
             arm follow from it; else the tool is only measured against it.
         world: What the tool may touch.
         payloads: What the tool picks up.
+        world_file: A scene in MJCF around all this, for the plant "mujoco": a `WorldFile`, or the
+            path of one (in a scenario's file, from its folder on).
     """
 
     name: str
@@ -84,6 +87,7 @@ class Scenario:
     tool: ToolTask | None = None
     world: tuple[Surface, ...] = ()
     payloads: tuple[Payload, ...] = ()
+    world_file: WorldFile | None = None
 
     def __post_init__(self) -> None:
         """Check everything; lists become tuples.
@@ -118,6 +122,9 @@ class Scenario:
             for thing in things:
                 check.instance(name, thing, cls)
             object.__setattr__(self, name, tuple(things))
+        if isinstance(self.world_file, str | Path):
+            object.__setattr__(self, "world_file", WorldFile.read(self.world_file))
+        check.instance("world_file", self.world_file, (WorldFile, type(None)))
         axes = (self.axes,) if isinstance(self.axes, str) else self.axes
         if not isinstance(axes, list | tuple) or not all(isinstance(a, str) for a in axes):
             raise check.refuse("axes", f"is {shown(axes)}", f"choose from {', '.join(AXES)}")
@@ -148,22 +155,25 @@ class Scenario:
     @property
     def plant(self) -> str:
         """The plant that it needs: what touches something has joints that yield."""
+        if self.world_file is not None:
+            return "mujoco"
         return "servo" if self.world or self.payloads else "prescribed"
 
     def check_plant(self, plant: str) -> None:
         """Refuse a plant in which nothing can be touched or carried, if something is to be.
 
         Raises:
-            ScenarioError: Joints that follow their motion exactly yield to nothing.
+            ScenarioError: Joints that follow their motion exactly yield to nothing; or there is a
+                scene in MJCF for another plant than MuJoCo.
         """
-        if plant == "prescribed" and self.plant != plant:
+        where, remedy = f"scenario '{self.name}'", f"leave plant out, or choose '{self.plant}'"
+        if self.world_file is not None and plant != "mujoco":
+            problem = f"is for MuJoCo, and the plant is '{plant}'"
+            raise ScenarioError(where, "world_file", problem, remedy)
+        if plant in ("prescribed", "mujoco-prescribed") and self.plant != "prescribed":
             what = "world" if self.world else "payloads"
-            raise ScenarioError(
-                f"scenario '{self.name}'",
-                what,
-                "needs joints that yield, and the plant is 'prescribed'",
-                f"leave plant out, or choose '{self.plant}'",
-            )
+            problem = f"needs joints that yield, and the plant is '{plant}'"
+            raise ScenarioError(where, what, problem, remedy)
 
     @property
     def initial_pose(self) -> Array:
@@ -241,6 +251,7 @@ class Scenario:
             data["tool"] = self.tool.to_dict()
         for name in ("world", "payloads"):
             data[name] = [thing.to_dict() for thing in getattr(self, name)]
+        data["world_file"] = self.world_file and self.world_file.to_dict()
         return data
 
     @classmethod
@@ -279,6 +290,8 @@ class Scenario:
         for name, read in (("world", surface), ("payloads", Payload.from_dict)):
             if isinstance(values.get(name), list | tuple):
                 values[name] = tuple(read(table) for table in values[name])
+        if not isinstance(values.get("world_file"), WorldFile | None):
+            values["world_file"] = WorldFile.from_dict(values["world_file"])
         return values
 
 

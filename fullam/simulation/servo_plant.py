@@ -230,8 +230,8 @@ class ServoPlant(Plant):
         return {"steer": wanted, "encode": wanted}
 
 
-def carrying(solve: PinocchioJoints, frame: Array) -> Callable[[Any, int], None]:
-    """The stage `load` that tells Pinocchio as well; `frame` turns the last row's axes to its."""
+def carrying(solve: Any, frame: Array) -> Callable[[Any, int], None]:
+    """The stage `load` that tells `solve` as well; `frame` turns the last row's axes to its."""
 
     def load_both(view: LoadView, k: int) -> None:
         load(view, k)

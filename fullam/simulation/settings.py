@@ -41,8 +41,9 @@ class SimulationSettings:
         control_period: Time between controller ticks [s].
         plant_period: Time step of the plant [s]; divides the control period.
         integrator: "midpoint" (order 2), "rk4" (order 4) or "semi-implicit-euler" (order 1).
-        plant: Which physics flies: "prescribed" (joints follow their motion exactly) or "servo"
-            (joints are free, moved by their servos).
+        plant: Which physics flies: "prescribed" (joints follow their motion exactly),
+            "servo" (joints are free, moved by their servos) or "mujoco" (so are they, by MuJoCo;
+            "mujoco-prescribed" for comparisons).
         plant_settings: Those of the plant's settings that differ from its defaults; see
             `plant_settings`.
         pose_period: Time between poses from the pose sensor [s]; a multiple of the control period.

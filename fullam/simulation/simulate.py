@@ -43,8 +43,8 @@ class Choices(TypedDict, total=False):
             estimator unless `simulation` names one.
         simulation: Rates, integrator, sensors, estimator, governor: an instance, or a mapping of
             what differs from the defaults.
-        plant: Which physics flies, "prescribed" or "servo"; by default the one that the scenario
-            needs, or the simulation's own.
+        plant: Which physics flies, "prescribed", "servo" or "mujoco"; by default the one that
+            the scenario needs, or the simulation's own.
         shaping: How the reference is blended and anticipated: an instance, or a mapping of what
             differs from the scenario's own.
         failed: Rotors that stand still, and are known to: a list of names, or of indices from 0.
@@ -100,8 +100,11 @@ def _simulation(
     scenario: Scenario, simulation: SimulationSettings | Mapping[str, Any] | None, plant: str | None
 ) -> SimulationSettings:
     """The simulation's settings, with the plant that was chosen or that the scenario needs."""
-    if plant is None and scenario.plant != "prescribed":
-        plant = scenario.plant
+    given = simulation.plant if isinstance(simulation, SimulationSettings) else None
+    if isinstance(simulation, Mapping):
+        given = simulation.get("plant")
+    if plant is None and given in (None, "prescribed") and scenario.plant != "prescribed":
+        plant = scenario.plant  # "prescribed" may be nobody's choice
     if not isinstance(simulation, SimulationSettings):
         own = {} if simulation is None else simulation
         if plant is not None and isinstance(own, Mapping):

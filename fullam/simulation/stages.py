@@ -16,7 +16,7 @@ A flight is a list of stages, called in turn in every control period:
     record arm    write its joints' part                             `servo_motion`
     load      what does its tool carry?                              `payload`
     record touch  write what the world does to its tool              `contact`
-    move      fly the period                                         `plant`, `servo_motion`
+    move      fly the period                          `plant`, `servo_motion`, `mujoco_plant`
 
 Five of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
 done.

@@ -26,6 +26,7 @@ from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.block import Block
 from fullam.simulation.fused import Fused, run_of
 from fullam.simulation.many import fly_many
+from fullam.simulation.plant_settings import IN_KERNELS
 from fullam.simulation.plants import PLANTS
 from fullam.simulation.scenario import AXES
 from fullam.simulation.simulate import fly_by_python, prepare
@@ -98,7 +99,7 @@ CHOICES = {
     "estimator": estimator_names(),
     "integrator": tuple(sorted(INTEGRATORS)),
     "vehicle": (*vehicle_names(), *MADE),
-    "plant": tuple(PLANTS),
+    "plant": tuple(name for name in PLANTS if name not in IN_KERNELS),
 }
 
 

@@ -16,7 +16,7 @@ from fullam.control.law import KernelLaw
 from fullam.control.pid import Pid
 from fullam.simulation.refly import plan_of, refly
 
-OWN = {"dc-pid-plus": "kalman"}
+OWN = {"dc-pid-plus": "kalman", "hybrid-force": "kalman"}
 
 
 @pytest.mark.parametrize("name", controller_names())
@@ -56,8 +56,8 @@ def test_names_of_contenders_and_tuned_gains_follow():
     assert contender_name("dc-pid-plus", "kalman") == "dc-pid-plus"
     assert contender_name("dc-pid-plus", "first-order") == "dc-pid-plus@first-order"
     assert contender_name("dc-pid", "kalman") == "dc-pid@kalman"
-    assert "dc-pid-plus" in tuned_names()
-    assert tuned_settings("dc-pid-plus") == tuned_settings("dc-pid-plus", "kalman")
+    assert "dc-pid" in tuned_names()
+    assert tuned_settings("dc-pid") == tuned_settings("dc-pid", "first-order")
     assert driver_of("dc-pid-plus", None) == driver_of("dc-pid-plus", "kalman")
 
 
