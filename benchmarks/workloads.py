@@ -24,6 +24,7 @@ from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.fused import Fused
+from fullam.simulation.interaction import AHEAD_DEG, HOME, YAW_DEG
 from fullam.simulation.many import LANES
 from fullam.simulation.references import Circle, Step, Waypoints
 from fullam.simulation.scenario import AXES, Scenario
@@ -31,6 +32,7 @@ from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import CALM, PAPER, Weather
+from fullam.simulation.world import Plane
 
 VEHICLES = ("fullam", "hextilt")
 """Eight rotors and four joints; six rotors and five joints."""
@@ -98,6 +100,30 @@ def plan(
     )
     simulation = replace(KILOHERTZ, estimator=estimator, integrator=integrator, plant=plant)
     return prepare(scenario, law, vehicle=vehicle, simulation=simulation)
+
+
+def pushing(steps: int, world: bool, plant: str) -> FlightPlan:
+    """The hybrid law at a soft wall, 5 mm inside which the tool stands at the start.
+
+    Args:
+        steps: Control periods, of 1 ms, as the plant's steps.
+        world: Whether the wall is there.
+        plant: Which physics flies.
+    """
+    wall = Plane((0.595, 0.0, 0.0), (-1.0, 0.0, 0.0), stiffness=1e4, dissipation=5.0)
+    scenario = Scenario(
+        name="benchmark at a wall",
+        initial_position=HOME,
+        initial_euler_deg=YAW_DEG,
+        initial_arm_deg=AHEAD_DEG,
+        reference=Step(HOME, YAW_DEG),
+        duration=0.001 * (steps - 1),
+        weather=CALM,
+        world=(wall,) if world else (),
+    )
+    settings = {"engage_at": 0.002, "tare": 0.001}
+    simulation = replace(KILOHERTZ, estimator="kalman", plant=plant)
+    return prepare(scenario, "hybrid-force", settings=settings, simulation=simulation)
 
 
 class Fleet:

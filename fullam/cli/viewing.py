@@ -148,7 +148,11 @@ def _show_live(plan: FlightPlan, arguments: argparse.Namespace) -> int:
 
 @verb(
     "fly",
-    argument("vehicle", metavar="VEHICLE", help="name (see `fullam list`) or TOML file"),
+    argument(
+        "subject",
+        metavar="WHAT",
+        help="a vehicle, its name (see `fullam list`) or TOML file; or the name of a scenario",
+    ),
     *options.LAW,
     *[flag for flag in options.FLIGHT if flag[0][0] not in ("--vehicle", "--shape")],
     argument("--speed", type=speed, default=1.0, metavar="X", help="seconds in a second (1)"),
@@ -164,20 +168,20 @@ def fly_free(arguments: argparse.Namespace) -> int:
 
     It hovers, in calm air unless --weather says otherwise, until you touch it on the page whose
     address is printed: pull it with the mouse, drag its target, move its arm, switch its law, stop
-    a rotor, go back in time and fly on otherwise. With --save the record is kept at the end
-    (Ctrl-C), with all that was done; `fullam view FILE` replays it.
+    a rotor, go back in time and fly on otherwise. A scenario, such as push-wall, is flown in its
+    own weather, its world and on its plant, and goes on when it would have ended. With --save the
+    record is kept at the end (Ctrl-C), with all that was done; `fullam view FILE` replays it.
 
     The page is served to this machine only; its address holds a secret, and whoever has it can
     touch the flight. From elsewhere use a tunnel: ssh -L 7000:127.0.0.1:7000 HOST.
     """
-    from fullam.model.loading import load_vehicle
     from fullam.simulation.free import plan_of
 
     simulation = options.simulation_settings(arguments)
     simulation.check_length(arguments.duration)
     controller, settings = options.law(arguments)
     plan = plan_of(
-        load_vehicle(arguments.vehicle),
+        arguments.subject,
         controller,
         arguments.duration,
         seed=arguments.seed,
@@ -244,7 +248,7 @@ def _export(film: Film, arguments: argparse.Namespace) -> None:
         default=["overview"],
         metavar="A,B,...",
         help="panels: pose, attitude, errors, rotors, effort, wrench, command, compensation, "
-        "residual; or overview, all on one page (default)",
+        "residual, and on servos contact, joints, torques; or overview, all on one page (default)",
     ),
     argument(
         "--out", type=options.figure_path, required=True, metavar="FILE", help=".png, .pdf or .svg"

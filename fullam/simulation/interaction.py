@@ -23,13 +23,15 @@ HOME = (0.0, 0.0, 1.0)
 WALL = Plane((0.65, 0.0, 0.0), (-1.0, 0.0, 0.0))
 """50 mm ahead of the tool."""
 
+KNOTS = tuple(0.5 * k for k in range(24))
 SLIDE = Trajectory(
-    times=(0.0, 6.0, 6.5, 11.0, 11.5),
-    positions=((0, 0, 1), (0, 0, 1), (0, 0.025, 1), (0, 0.475, 1), (0, 0.5, 1)),
-    velocities=((0, 0, 0), (0, 0, 0), (0, 0.1, 0), (0, 0.1, 0), (0, 0, 0)),
-    quaternions=((0.0, 0.0, -0.3826834323650898, 0.9238795325112867),) * 5,
+    times=KNOTS,
+    positions=tuple((0.0, min(max(0.0, 0.1 * t - 0.625), 0.5), 1.0) for t in KNOTS),
+    velocities=tuple((0.0, 0.1 if 6.5 <= t <= 11.0 else 0.0, 0.0) for t in KNOTS),
+    quaternions=((0.0, 0.0, -0.3826834323650898, 0.9238795325112867),) * len(KNOTS),
 )
-"""Half a metre sideways at 0.1 m/s, once the wall is touched."""
+"""Half a metre sideways at 0.1 m/s, once the wall is touched. Knots are even: through uneven ones a
+spline with these velocities swings by a quarter of a metre before it begins."""
 
 register_scenario(
     Scenario(

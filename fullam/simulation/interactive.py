@@ -171,6 +171,14 @@ class InteractiveFlight(Touch):
         return np.array(self._holds.place("tool", self.pose, self.arm[0]))
 
     @property
+    def contact(self) -> Array:
+        """Force of the world on the tool in the last period, world axes, shape (3,) [N]."""
+        touches = self.flight.block.plant.touches
+        if touches is None or self.period == 0:
+            return np.zeros(3)
+        return np.array(self.flight.lists.of(touches)[self.period - 1])
+
+    @property
     def trim(self) -> Trim | None:
         """How it hovers without the rotors that are known to have failed; None if none is."""
         return self._change.aboard.trim

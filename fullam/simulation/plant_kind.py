@@ -65,11 +65,13 @@ class Plant(ABC):
         around: The block's rows.
         seen: The arm as the controller sees it.
         arm: The true motion of the joints, rows of `JointMotion`; None if it is `seen.motions`.
+        touches: The force of the world on the tool, a row a period; None where nothing is touched.
     """
 
     name: ClassVar[str]
     seen: SeenArm
     arm: Rows | None = None
+    touches: Rows | None = None
 
     def __init__(self, around: Surroundings) -> None:
         """Make the rows."""

@@ -55,7 +55,7 @@ class ServoPlant(Plant):
         world: What the tool may touch, `contact.World`; None if there is nothing.
         loads: What the tool carries and when, `Load` rows; None if it never carries anything.
         links: The true links, with what is carried.
-        touches: The force of the world on the tool, a row a period, if the record is kept.
+        touches: See `Plant`; kept with the record.
     """
 
     name = "servo"
@@ -82,7 +82,7 @@ class ServoPlant(Plant):
         surfaces = plan.scenario.world
         self.world = world_rows(plan.nominal, surfaces) if surfaces else None
         self._contact = no_contact if self.world is None else touch
-        self.touches = self._empty(Vector, around.kept)
+        self.touches: Rows = self._empty(Vector, around.kept)
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)

@@ -18,7 +18,7 @@ from fullam.analysis.response import Response, coordinates
 from fullam.exceptions import InvalidInput
 from fullam.files import atomic_path
 from fullam.simulation.scenario import AXES
-from fullam.viz import style
+from fullam.viz import style, touch_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,17 +79,24 @@ def figure_residual(run: Run) -> Figure:
 
 
 def overview(run: Run) -> Figure:
-    """Everything about one flight on one page."""
-    figure = style.new_figure(style.FULL_PAGE, 8.6, caption(run))
-    grid = style.stack(figure, 7, 2, height_ratios=(1, 1, 1, 1, 1, 1, 1.4))
+    """Everything about one flight on one page; joints and contact where a record has them."""
+    free = touch_figures.has_servos(run)
+    figure = style.new_figure(style.FULL_PAGE, 9.8 if free else 8.6, caption(run))
+    rows = 8 if free else 7
+    grid = style.stack(figure, rows, 2, height_ratios=[1.0] * (rows - 1) + [1.4])
     draw_coordinates(grid[:3, 0], run, range(3))
     draw_coordinates(grid[:3, 1], run, range(3, 6))
     draw_error(grid[3, 0], run, range(3), "error [mm]")
     draw_error(grid[3, 1], run, range(3, 6), "error [deg]")
     draw_wrench(grid[4], run, run.u_dc, r"$u_{dc}$")
     draw_wrench(grid[5], run, run.residual, "residual", saturation=True)
-    draw_rotors(grid[6, 0], run)
-    draw_effort(grid[6, 1], run)
+    if free:
+        touches = touch_figures.has_contact(run)
+        draw = touch_figures.draw_contact if touches else touch_figures.draw_arm
+        draw(grid[6, 0], run)
+        touch_figures.draw_torques(grid[6, 1], run)
+    draw_rotors(grid[-1, 0], run)
+    draw_effort(grid[-1, 1], run)
     return figure
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import UnknownName
-from fullam.viz import figures, style
+from fullam.viz import figures, style, touch_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,6 +73,18 @@ def _residual(axes: NDArray[np.object_], run: Run) -> None:
     figures.draw_wrench(axes, run, run.residual, "residual", saturation=True)
 
 
+def _contact(axes: NDArray[np.object_], run: Run) -> None:
+    touch_figures.draw_contact(axes[0], run)
+
+
+def _joints(axes: NDArray[np.object_], run: Run) -> None:
+    touch_figures.draw_arm(axes[0], run)
+
+
+def _torques(axes: NDArray[np.object_], run: Run) -> None:
+    touch_figures.draw_torques(axes[0], run)
+
+
 PANELS = {
     "pose": Panel(3, _pose),
     "attitude": Panel(3, _attitude),
@@ -83,9 +95,13 @@ PANELS = {
     "command": Panel(2, _command),
     "compensation": Panel(2, _compensation),
     "residual": Panel(2, _residual),
+    "contact": Panel(1, _contact),
+    "joints": Panel(1, _joints),
+    "torques": Panel(1, _torques),
 }
 """Panels by name: position, Euler angles, errors of both, rotor speeds, thrusts over weight, the
-true wrench of the rotors, the commanded one, the compensation, what was not delivered."""
+true wrench of the rotors, the commanded one, the compensation, what was not delivered; and of
+flights on servos the tool's push, the errors of the joints and their torques."""
 
 
 def plot(run: Run, what: Sequence[str] = ("pose", "rotors", "wrench")) -> Figure:
@@ -97,6 +113,7 @@ def plot(run: Run, what: Sequence[str] = ("pose", "rotors", "wrench")) -> Figure
 
     Raises:
         UnknownName: There is no such panel.
+        InvalidInput: The record does not have what a panel shows.
     """
     for name in what:
         if name not in PANELS:

@@ -84,6 +84,16 @@ def test_a_vehicle_is_flown_by_hand_and_its_record_kept(tmp_path, capsys):
     assert run.scenario.name == "free flight" and run.weather == fullam.weather("calm")
 
 
+def test_a_scenario_is_flown_by_hand_in_its_world_on_servos(tmp_path, capsys):
+    record = tmp_path / "wall.npz"
+    asked = ["fly", "push-wall", "--controller", "hybrid-force", "--duration", "0.3"]
+    assert main([*asked, "--once", "--wait", "0", "--port", "0", "--save", str(record)]) == 0
+    assert "push-wall, hybrid-force: 0.30 s flown" in capsys.readouterr().out
+    run = fullam.Run.load(record)
+    assert run.simulation.plant == "servo" and len(run.scenario.world) == 1
+    assert run.scenario.duration == 0.3 and run.weather == fullam.weather("paper")
+
+
 def test_listening_to_other_machines_is_said_plainly(capsys):
     asked = ["fly", "fullam", "--duration", "0.1", "--once", "--wait", "0", "--port", "0"]
     assert main([*asked, "--host", "127.0.0.2"]) == 0

@@ -16,7 +16,7 @@ import pytest
 import fullam
 from fullam.exceptions import FullamError, InvalidInput
 from fullam.simulation.simulate import prepare
-from fullam.viz.viewer.live import FEWEST_FRAMES, MOST_FRAMES, LiveFlight
+from fullam.viz.viewer.live import FEWEST_FRAMES, MOST_FRAMES, SLOW, LiveFlight
 from fullam.viz.viewer.page import SCRIPTS
 from fullam.viz.viewer.replay import film
 from fullam.viz.viewer.server import HOST, ViewerServer
@@ -42,12 +42,14 @@ class Screen:
 
     def __init__(self, clock):
         self.clock, self.scenes, self.frames, self.times = clock, [], [], []
+        self.notes = []
 
     def show(self, scene):
         self.scenes.append(scene)
 
     def tell(self, message):
         json.dumps(message)
+        self.notes += [message["note"]] if "note" in message else []
 
     def push(self, frame, drop=False):
         self.frames.append(frame)
@@ -90,6 +92,15 @@ def test_a_late_flight_drops_frames_and_not_time():
     # Hardly any frames, but never none for long.
     assert len(screen.frames) < 3.0 + FEWEST_FRAMES * (screen.times[-1] - screen.times[0])
     assert gaps.max() < 1.0 / FEWEST_FRAMES + 0.05
+
+
+@pytest.mark.parametrize(("cost", "notes"), [(0.0, []), (0.03, [SLOW])])
+def test_a_page_is_told_once_that_a_flight_falls_behind(cost, notes):
+    """Looks at the clock that cost 30 ms each put a flight of 3 s behind by 1.5 s several times."""
+    clock = Clock(cost)
+    screen = Screen(clock)
+    LiveFlight(plan(3.0)).fly(screen, clock=clock, sleep=clock.sleep)
+    assert screen.notes == notes
 
 
 def test_a_live_flight_is_the_flight_of_simulate():

@@ -27,6 +27,9 @@ const Charts = (() => {
           get: (f) => Math.sqrt(Math.max(f[t.at], 0)) * top[i] })) },
       pair("u_dc", 0), pair("residual", 2),
     ];
+    if (scene.contact)
+      list.push({ title: "contact force", lines: [
+        { unit: "N", colour: "#101418", get: (f) => f[wrench.at + 5] }] });
     if (scene.live || scene.touched)
       list.push({ title: "hand's pull", lines: [
         { unit: "N", colour: "#c2185b", get: (f) => f[wrench.at + 4] }] });

@@ -2,9 +2,10 @@
 "use strict";
 const Layers = (() => {
   const bar = document.getElementById("views");
-  const on = { arrows: true, ghost: true, trail: true, frames: false, forces: false };
-  const LABELS = { arrows: "arrows", ghost: "target", trail: "tool's path", frames: "frames",
-    forces: "attainable forces" };
+  const on = { arrows: true, ghost: true, trail: true, world: true, task: true, frames: false,
+    forces: false };
+  const LABELS = { arrows: "arrows", ghost: "target", trail: "tool's path", world: "world",
+    task: "path asked for", frames: "frames", forces: "attainable forces" };
 
   const button = (text, title, click) => Object.assign(document.createElement("button"),
     { type: "button", textContent: text, title, onclick: click });
@@ -41,6 +42,10 @@ const Layers = (() => {
     apply();
   }
 
+  const has = (vehicle, part) => vehicle.shapes.some(({ path }) =>
+    path.startsWith(`${vehicle.path}/${part}/`));
+  const own = (vehicle, part) => has(vehicle, part) ? [`${vehicle.path}/${part}`] : [];
+
   // A path's node exists only if something was put there.
   function nodes(vehicle, name) {
     const paths = {
@@ -48,6 +53,8 @@ const Layers = (() => {
         .map((t) => t.path),
       ghost: [`${vehicle.path}/target`],
       trail: [`${vehicle.path}/trail`],
+      world: own(vehicle, "world"),
+      task: own(vehicle, "task"),
       frames: [`${vehicle.path}/platform/frame`, `${vehicle.path}/target/frame`],
       forces: vehicle.shapes.filter((s) => s.path.endsWith("/forces")).map((s) => s.path),
     };
@@ -71,6 +78,8 @@ const Layers = (() => {
     }
     const bodies = scene.vehicles.some((v) => v.shapes.some((s) => s.path.endsWith("/forces")));
     boxes.forces.parentElement.hidden = !bodies;
+    for (const part of ["world", "task"])
+      boxes[part].parentElement.hidden = !scene.vehicles.some((v) => has(v, part));
     if (!scene.live && bodies) on.forces = boxes.forces.checked = true;  // it was asked for
     apply();
   });

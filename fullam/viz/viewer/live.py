@@ -27,7 +27,9 @@ from fullam.simulation.interactive import InteractiveFlight
 from fullam.simulation.weather import WEATHERS
 from fullam.viz.viewer.orders import Orders, Transport
 from fullam.viz.viewer.replay import propeller_rates
-from fullam.viz.viewer.scene import Scene, Snapshot, VehicleScene
+from fullam.viz.viewer.scene import Scene, VehicleScene
+from fullam.viz.viewer.scenery import Scenery
+from fullam.viz.viewer.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from fullam.simulation.run import Run
@@ -43,6 +45,12 @@ FEWEST_FRAMES = 5.0
 
 LATEST = 1.5
 """Farther behind the clock than this the flight does not try to catch up [s]."""
+
+SLOW = (
+    "this machine computes the flight more slowly than the clock goes: time is stretched "
+    "(joints on servos cost Python the most; --plant-rate 500 halves it)"
+)
+"""What a page is told of a flight that falls behind."""
 
 IMPATIENCE = 0.0005
 """How long the server's thread may go on once the flight's wants to [s]; Python's own 5 ms, at each
@@ -102,7 +110,9 @@ class LiveFlight:
         """Have this flight in the scene from now on."""
         self.flight = flight
         plan, vehicle = flight.plan, flight.plan.nominal
-        self._vehicle = VehicleScene(plan.true, plan.controller)
+        places = np.vstack([plan.asked.pose[:, :3], plan.scenario.initial_pose[:3]])
+        around = Scenery.of(plan.scenario, vehicle, plan.simulation.control_period, places)
+        self._vehicle = VehicleScene(plan.true, plan.controller, around=around)
         try:
             self._vehicle.forces = Envelope.of(vehicle, plan.arm.theta[0])
         except FullamError:  # one of these rotors cannot be told what it is asked
@@ -113,7 +123,7 @@ class LiveFlight:
             [self._vehicle],
             f"{plan.scenario.name} · {plan.controller}",
             f"{vehicle.name} · {weather} weather{seed} · live",
-            np.vstack([plan.asked.pose[:, :3], plan.scenario.initial_pose[:3]]),
+            places,
             plan.scenario.duration,
         )
         self._spin, self._spun = np.zeros(vehicle.rotors.count), 0.0
@@ -156,6 +166,8 @@ class LiveFlight:
             u_dc=np.array([*flat(look(block.command)[0].u_dc)]),
             residual=np.array([*flat(look(block.residual)[0])]),
             hand=np.array([*live.felt.foot, *live.felt.pull]),
+            contact=live.contact,
+            carried=self._vehicle.around.carried(k),
         )
         return self.scene.frame(t, [now])
 
@@ -175,6 +187,8 @@ class LiveFlight:
             spin=self._spun_to(t, row["rotor_speeds"]),
             u_dc=row["u_dc"],
             residual=row["residual"],
+            contact=row.get("contact_force", np.zeros(3)),
+            carried=self._vehicle.around.carried(k),
         )
         return self.scene.frame(t, [now])
 
@@ -288,7 +302,7 @@ class _Pace:
     ) -> None:
         self._server, self._live, self.clock, self.sleep = server, live, clock, sleep
         self.frames, self.latest, self.shown = 0, 0.0, -1
-        self._told = 0.0
+        self._told, self._slow = 0.0, False
         self.rebase()
 
     def rebase(self) -> None:
@@ -319,6 +333,9 @@ class _Pace:
                 self._told = moment
                 self._server.tell(live.orders.status())
         if late > LATEST:
+            if not self._slow:
+                self._slow = True
+                self._server.tell({"note": SLOW})
             self.rebase()
 
 

@@ -7,7 +7,7 @@
 "use strict";
 const fullam = (() => {
   const THREE = MeshCat.THREE;
-  const WIDTH = { pose: 7, thrust: 1, spin: 1, vector: 6, trail: 3, readout: 4, wrench: 5 };
+  const WIDTH = { pose: 7, thrust: 1, spin: 1, vector: 6, trail: 3, ball: 4, readout: 4, wrench: 6 };
   const element = (id) => document.getElementById(id);
   const software = Quality.software();
   const viewer = Quality.viewer(element("meshcat-pane"), software);
@@ -87,6 +87,10 @@ const fullam = (() => {
     if (track.kind === "readout") return scene.clock === false ? () => {} : readout(vehicle);
     const node = viewer.scene_tree.find(names(track.path)).object;
     if (track.kind === "pose") return (f, i) => move(node, f, i);
+    if (track.kind === "ball") return (f, i) => {
+      node.position.set(f[i], f[i + 1], f[i + 2]);
+      node.visible = f[i + 3] > 0.5;
+    };
     if (track.kind === "spin") return (f, i) => { node.rotation.z = f[i]; };
     if (track.kind === "trail") {
       track.trail = new Shapes.Trail(track);

@@ -15,7 +15,8 @@ from fullam.dynamics.pose_space import pose_from_euler
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.viz.viewer.replay import Film
-from fullam.viz.viewer.scene import Scene, Snapshot, VehicleScene
+from fullam.viz.viewer.scene import Scene, VehicleScene
+from fullam.viz.viewer.snapshot import Snapshot
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,9 @@ from fullam.analysis.captions import weather_caption
 from fullam.exceptions import InvalidInput
 from fullam.simulation.refly import hand_forces
 from fullam.viz.viewer import shapes
-from fullam.viz.viewer.scene import DIRECTION, SPIN_RATE, Scene, Snapshot, VehicleScene
+from fullam.viz.viewer.scene import SPIN_RATE, Scene, VehicleScene
+from fullam.viz.viewer.scenery import Scenery
+from fullam.viz.viewer.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
@@ -83,20 +85,29 @@ def film(
             "film", "labels", f"has {len(names)} entries", f"give {len(records)}, one a record"
         )
     vehicles = [run.vehicle for run in records]
-    steps = _spread(offset, vehicles)
+    around = [scenery(run, vehicle) for run, vehicle in zip(records, vehicles, strict=True)]
+    steps = _spread(offset, vehicles, around[0].direction)
     parts = [
-        VehicleScene(vehicle, name, number, step)
-        for number, (vehicle, name, step) in enumerate(zip(vehicles, names, steps, strict=True), 1)
+        VehicleScene(vehicle, name, number, step, around=near)
+        for number, (vehicle, name, step, near) in enumerate(
+            zip(vehicles, names, steps, around, strict=True), 1
+        )
     ]
     longest = max(float(run.t[-1]) for run in records)
     rate = min(rate, MOST_FRAMES / max(longest, 1e-9))
     places = np.vstack([np.r_[run.pose[:, :3], run.reference_pose[:, :3]] for run in records])
     scene = Scene(parts, title(records), details(records), places, longest)
-    reels = [Reel(run, vehicle) for run, vehicle in zip(records, vehicles, strict=True)]
+    reels = [Reel(run, part) for run, part in zip(records, parts, strict=True)]
     times = np.arange(int(np.floor(longest * rate + 1e-9)) + 1) / rate
     frames = np.stack([scene.frame(t, [reel.at(t) for reel in reels]) for t in times.tolist()])
     touched = {"touched": True} if any(run.script for run in records) else {}
     return Film(scene.spec(**touched), frames, rate)
+
+
+def scenery(run: Run, vehicle: Vehicle) -> Scenery:
+    """What stood around a vehicle in a record."""
+    places = np.vstack([run.pose[:, :3], run.reference_pose[:, :3]])
+    return Scenery.of(run.scenario, vehicle, run.simulation.control_period, places)
 
 
 def title(runs: Sequence[Run]) -> str:
@@ -132,10 +143,12 @@ def labels_of(runs: Sequence[Run]) -> list[str]:
     return [f"{run.controller}, seed {run.seed}" for run in runs]
 
 
-def _spread(offset: float | Sequence[float] | None, vehicles: Sequence[Vehicle]) -> list[Array]:
+def _spread(
+    offset: float | Sequence[float] | None, vehicles: Sequence[Vehicle], direction: Array
+) -> list[Array]:
     if offset is None:
         offset = 3.0 * max(shapes.reach(vehicle) for vehicle in vehicles)
-    right = np.array([-DIRECTION[1], DIRECTION[0], 0.0]) / np.hypot(*DIRECTION[:2])
+    right = np.array([-direction[1], direction[0], 0.0]) / np.hypot(*direction[:2])
     step = np.array(offset, dtype=float) * (right if np.ndim(offset) == 0 else 1.0)
     if step.shape != (3,) or not np.all(np.isfinite(step)):
         raise InvalidInput("film", "offset", f"is {offset!r}", "give metres, or three of them")
@@ -146,9 +159,11 @@ def _spread(offset: float | Sequence[float] | None, vehicles: Sequence[Vehicle])
 class Reel:
     """Snapshots of a record at any time; after its end it stands still."""
 
-    def __init__(self, run: Run, vehicle: Vehicle) -> None:
+    def __init__(self, run: Run, part: VehicleScene) -> None:
         """Derive what the record does not hold: joint accelerations, angles of the propellers."""
-        self._columns = dict(run.columns) | {"hand": hand_forces(run)}
+        vehicle, self._around = part.vehicle, part.around
+        touched = {"contact_force": np.zeros((len(run), 3)), "hand": hand_forces(run)}
+        self._columns = touched | run.columns
         self._t = run.t
         if len(run) > 1:
             self._acceleration = np.gradient(run.arm_rate, run.t, axis=0)
@@ -176,6 +191,8 @@ class Reel:
             u_dc=row["u_dc"],
             residual=row["residual"],
             hand=row["hand"],
+            contact=row["contact_force"],
+            carried=self._around.carried(k),
         )
 
 

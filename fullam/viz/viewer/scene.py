@@ -9,13 +9,14 @@ its kind; a frame is a row of 32-bit numbers, the time and then each track's val
     vector (6)   foot of an arrow and the vector it shows, in world axes
     trail (3)    point of the tool's path
     readout (4)  position error [m], attitude error [rad], saturated, height [m]
-    wrench (5)   sizes of u_dc [N, N m], of the residual [N, N m] and of a hand's pull [N]
+    ball (4)     centre of what may be carried, and whether it is
+    wrench (6)   sizes of u_dc [N, N m], of the residual [N, N m], of a hand's pull and of the
+                 world's on the tool [N]
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,12 +30,17 @@ from fullam.model.vehicle import Vehicle
 from fullam.viz import style
 from fullam.viz.polytope import force_polytope
 from fullam.viz.viewer import shapes
+from fullam.viz.viewer.scenery import NOTHING, PAYLOAD, TASK, WORLD, Scenery
 from fullam.viz.viewer.shapes import ROOT
+from fullam.viz.viewer.snapshot import Snapshot
 
 Array = NDArray[np.float64]
 Track = dict[str, Any]
 
-WIDTHS = {"pose": 7, "thrust": 1, "spin": 1, "vector": 6, "trail": 3, "readout": 4, "wrench": 5}
+WIDTHS = {
+    **{"pose": 7, "thrust": 1, "spin": 1, "vector": 6, "trail": 3},
+    **{"ball": 4, "readout": 4, "wrench": 6},
+}
 """How many numbers a track of each kind takes in a frame; the page has the same table."""
 
 THRUST_COLOURS = ("#9fd0f0", "#3f8fd0", "#5b3fa0", "#b0236d", "#e8430f")
@@ -42,52 +48,15 @@ THRUST_COLOURS = ("#9fd0f0", "#3f8fd0", "#5b3fa0", "#b0236d", "#e8430f")
 
 FORCE, MOMENT = style.GREEN, style.SKY
 JOINT_FORCE, JOINT_MOMENT = style.PURPLE, style.ORANGE
-GHOST, HAND = "#1f9e89", "#c2185b"
+GHOST, HAND, CONTACT = "#1f9e89", "#c2185b", "#101418"
 LABELS = (style.BLUE, style.VERMILION, style.PURPLE, style.GREEN)
 """Colours of vehicles side by side, of their names and their tool's trails."""
 
+CONTACT_SCALE = 4.0
+"""Of its arrow, in that of the rotors' force; as of a hand's."""
+
 SPIN_RATE = 9.0
 """Rate at which a propeller at its largest speed is drawn to turn [rad/s]: one can see it turn."""
-
-DIRECTION = (0.72, -0.78, 0.25)
-"""From the scene to the camera."""
-
-
-@dataclass
-class Snapshot:
-    """One moment of a flight, as a viewer needs it; a live object, rewritten each frame.
-
-    Attributes:
-        pose: [p, quaternion xyzw] of {A}.
-        velocity: [dp, w] in world axes.
-        arm: Joint angles [rad].
-        arm_rate: Joint rates [rad/s].
-        arm_acceleration: Joint accelerations [rad/s^2].
-        rotor_speeds: Speeds [rad/s].
-        rotor_wrench: Wrench of the rotors in world axes at {A}.
-        disturbance: Gust on the platform in world axes at {A}.
-        target: [p, quaternion xyzw] asked for.
-        saturated: Whether the allocation met a bound.
-        spin: Angles of the propellers [rad].
-        u_dc: Compensation of the law, world axes.
-        residual: Delivered less commanded wrench, {A} axes.
-        hand: Point at which a hand pulls, and its force, world axes.
-    """
-
-    pose: Array
-    velocity: Array
-    arm: Array
-    arm_rate: Array
-    arm_acceleration: Array
-    rotor_speeds: Array
-    rotor_wrench: Array
-    disturbance: Array
-    target: Array
-    saturated: bool
-    spin: Array
-    u_dc: Array = field(default_factory=lambda: np.zeros(6))
-    residual: Array = field(default_factory=lambda: np.zeros(6))
-    hand: Array = field(default_factory=lambda: np.zeros(6))
 
 
 class VehicleScene:
@@ -99,6 +68,7 @@ class VehicleScene:
         offset: Where it is drawn, away from where it flies, shape (3,) [m].
         ghost: Whether its target pose is drawn.
         colour: Of its name and its tool's trail.
+        around: What stands around it.
         forces: Whose attainable forces are drawn about the platform; None for none.
         width: Numbers it takes in a frame.
     """
@@ -112,6 +82,7 @@ class VehicleScene:
         number: int = 1,
         offset: ArrayLike = (0.0, 0.0, 0.0),
         ghost: bool = True,
+        around: Scenery = NOTHING,
     ) -> None:
         """Lay out the tracks.
 
@@ -121,13 +92,14 @@ class VehicleScene:
             number: 1, 2, ... among the vehicles of the scene.
             offset: Where it is drawn, away from where it flies [m].
             ghost: Whether the target pose is drawn.
+            around: What stands around it.
         """
         self.vehicle, self.label = vehicle, label
         self.offset = np.array(offset, dtype=np.float64)
-        self.ghost, self._path = ghost, f"vehicle_{number}"
+        self.ghost, self.around, self._path = ghost, around, f"vehicle_{number}"
         self.colour = LABELS[(number - 1) % len(LABELS)]
         self._data = vehicle.create_data()
-        self._multibody = Multibody(vehicle)
+        self._multibodies: dict[bytes, Multibody] = {}
         self._tool = vehicle.model.getFrameId(vehicle.tool)
         self._top = vehicle.rotors.max_thrusts
         self.tracks = self._tracks()
@@ -151,6 +123,7 @@ class VehicleScene:
             drawn += shapes.platform_shapes(
                 self.vehicle, f"{self._path}/target", colour=GHOST, opacity=0.22
             )
+        drawn += self.around.shapes(self._path, self.offset, shapes.reach(self.vehicle))
         if self.forces is not None:
             drawn += self._force_shapes(self.forces)
         return {
@@ -209,6 +182,13 @@ class VehicleScene:
         if self.ghost:
             tracks.append({"kind": "pose", "path": f"{path}/target"})
         tracks.append(self._vector("hand", HAND, 4 * self.force_scale, 0.02, 1))
+        if self.around.world:
+            scale = CONTACT_SCALE * self.force_scale
+            tracks.append(self._vector("contact", CONTACT, scale, 0.02, 1))
+        tracks += [
+            {"kind": "ball", "path": f"{path}/payload_{i}"}
+            for i in range(len(self.around.payloads))
+        ]
         tracks += [{"kind": "readout"}, {"kind": "wrench"}]
         return tracks
 
@@ -242,7 +222,8 @@ class VehicleScene:
             out[at + 3 : at + 6], out[at + 9 : at + 12] = wrench[:3], wrench[3:]
             at += 12
         tool = pin.updateFramePlacement(model, data, self._tool)
-        out[at : at + 3] = tool.translation + self.offset
+        tip = tool.translation + self.offset
+        out[at : at + 3] = tip
         at += 3
         if self.ghost:
             out[at : at + 7] = now.target
@@ -251,12 +232,21 @@ class VehicleScene:
         out[at : at + 6] = now.hand
         out[at : at + 3] += self.offset
         at += 6
+        if self.around.world:  # it ends where it pushes: begun there, it would hide in the arm
+            out[at : at + 3] = tip - CONTACT_SCALE * self.force_scale * now.contact
+            out[at + 3 : at + 6] = now.contact
+            at += 6
+        link = data.oMi[model.frames[self._tool].parentJoint].rotation
+        for body, carried in zip(self.around.payloads, now.carried, strict=True):
+            out[at : at + 3] = tip + link @ np.array(body.offset)
+            out[at + 3] = carried
+            at += 4
         cosine = min(1.0, abs(float(now.pose[3:] @ now.target[3:])))
         out[at] = np.linalg.norm(now.pose[:3] - now.target[:3])
         out[at + 1] = 2.0 * np.arccos(cosine)
         out[at + 2], out[at + 3] = now.saturated, now.pose[2]
-        parts = (*np.split(now.u_dc, 2), *np.split(now.residual, 2), now.hand[3:])
-        out[at + 4 : at + 9] = [np.linalg.norm(part) for part in parts]
+        parts = (*np.split(now.u_dc, 2), *np.split(now.residual, 2), now.hand[3:], now.contact)
+        out[at + 4 : at + 10] = [np.linalg.norm(part) for part in parts]
 
     def joint_wrench(self, q: Array, now: Snapshot) -> Array:
         """Wrench of the platform on link 1, world axes at joint 1, force then moment, (6,)."""
@@ -264,9 +254,14 @@ class VehicleScene:
         v = np.concatenate([R_AW @ now.velocity[:3], R_AW @ now.velocity[3:], now.arm_rate])
         wrench = now.rotor_wrench + now.disturbance
         wrench_A = np.concatenate([R_AW @ wrench[:3], R_AW @ wrench[3:]])
-        base = self._multibody.base_acceleration(q, v, now.arm_acceleration, wrench_A)
-        force, moment = self._multibody.joint_wrenches(
-            q, v, np.concatenate([base, now.arm_acceleration])
+        on_world = np.concatenate([-now.contact, np.zeros(3)])
+        laden = np.array(now.carried, dtype=bool)
+        if (multibody := self._multibodies.get(laden.tobytes())) is None:
+            multibody = self.around.laden(self.vehicle, laden)
+            self._multibodies[laden.tobytes()] = multibody
+        base = multibody.base_acceleration(q, v, now.arm_acceleration, wrench_A, on_world)
+        force, moment = multibody.joint_wrenches(
+            q, v, np.concatenate([base, now.arm_acceleration]), on_world
         )
         return np.concatenate([force[0], moment[0]])
 
@@ -314,7 +309,7 @@ class Scene:
             "centre": [float(x) for x in centre],
             "radius": radius,
             "ground": float(max(floor, 0.0) if low[2] > 0.0 else floor),
-            "direction": DIRECTION,
+            "direction": self.vehicles[0].around.direction.tolist(),
         }
 
     def spec(self, **more: Any) -> dict[str, Any]:
@@ -334,14 +329,26 @@ class Scene:
         if first.ghost:
             legend.append((HAND, f"pull of a hand, {4 * per_newton:.0f} cm/N"))
             legend += [(GHOST, "target pose"), (first.colour, "path of the tool")]
+        legend += self._around_legend(first.around, CONTACT_SCALE * per_newton)
         legend.append(("#8a97a5", f"grid 0.5 m, at z = {ground:g} m"))
         return {
             **self._view,
             "colours": THRUST_COLOURS,
+            "contact": bool(first.around.world),
             "legend": legend,
             "vehicles": [vehicle.spec() for vehicle in self.vehicles],
             **more,
         }
+
+    @staticmethod
+    def _around_legend(around: Scenery, per_newton: float) -> list[tuple[str, str]]:
+        lines = [
+            (len(around.path), TASK, "path asked of the tool, dashed"),
+            (len(around.world), WORLD, "what the tool may touch"),
+            (len(around.world), CONTACT, f"force of it on the tool, {per_newton:.0f} cm/N"),
+            (len(around.payloads), PAYLOAD, "what is carried"),
+        ]
+        return [(colour, text) for shown, colour, text in lines if shown]
 
     def frame(self, t: float, moments: Sequence[Snapshot]) -> NDArray[np.float32]:
         """The numbers of one frame, one snapshot a vehicle."""

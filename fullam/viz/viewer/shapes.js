@@ -3,6 +3,7 @@
 const Shapes = (() => {
   const THREE = MeshCat.THREE;
   const UP = new THREE.Vector3(0, 1, 0);
+  const FADE = 3.0, OLDEST = 0.15;  // of a trail: [s], and what is left of its opacity
   const linear = (css) => new THREE.Color(css).convertSRGBToLinear();
 
   // Two materials a mesh: a fine one, and one that a slow or software renderer draws quickly.
@@ -148,13 +149,30 @@ const Shapes = (() => {
     }
   }
 
-  // A thin tube through points that come one by one.
+  // Have a mesh fade with the age of what is drawn: `born` is an attribute of its points, `now` a
+  // uniform, both in seconds.
+  function fading(mesh, now) {
+    for (const material of [mesh.userData.fine, mesh.userData.fast])
+      material.onBeforeCompile = (shader) => {
+        shader.uniforms.now = now;
+        shader.vertexShader = `attribute float born; varying float when;\n${shader.vertexShader}`
+          .replace("#include <begin_vertex>", "#include <begin_vertex>\nwhen = born;");
+        shader.fragmentShader = `uniform float now; varying float when;\n${shader.fragmentShader}`
+          .replace("#include <dithering_fragment>", `#include <dithering_fragment>
+            gl_FragColor.a *= ${OLDEST} + ${(1 - OLDEST).toFixed(3)} *
+              exp(-max(now - when, 0.0) / ${FADE.toFixed(3)});`);
+      };
+    return mesh;
+  }
+
+  // A thin tube through points that come one by one, and fade.
   class Trail {
     constructor({ radius, colour }) {
       this.sides = 5;
       this.radius = radius;
-      this.object = dress(new THREE.Mesh(new THREE.BufferGeometry()),
-        { colour, glow: 0.4, opacity: 0.85 });
+      this.now = { value: 0 };
+      this.object = fading(dress(new THREE.Mesh(new THREE.BufferGeometry()),
+        { colour, glow: 0.4, opacity: 0.9 }), this.now);
       this.object.frustumCulled = false;
       this.clear();
     }
@@ -168,6 +186,8 @@ const Shapes = (() => {
         for (const name of ["position", "normal"])
           tube.setAttribute(name, new THREE.BufferAttribute(
             new Float32Array(3 * this.sides * capacity), 3));
+        tube.setAttribute("born", new THREE.BufferAttribute(
+          new Float32Array(this.sides * capacity), 1));
         const faces = [];
         for (let k = 0; k < capacity - 1; k++)
           for (let i = 0; i < this.sides; i++) {
@@ -180,6 +200,7 @@ const Shapes = (() => {
       this.show(0);
     }
     show(count) {
+      this.now.value = this.times[count - 1] ?? 0;
       this.object.geometry.setDrawRange(0, 6 * this.sides * Math.max(0, count - 1));
     }
     // Time of the last point.
@@ -203,7 +224,7 @@ const Shapes = (() => {
       }
       this.points.push(point);
       this.times.push(t);
-      const k = this.points.length - 1, { position, normal } = this.object.geometry.attributes;
+      const k = this.points.length - 1, { position, normal, born } = this.object.geometry.attributes;
       const along = last ? point.clone().sub(last) : new THREE.Vector3(0, 0, 1);
       if (along.lengthSq() < 1e-18) along.set(0, 0, 1);
       const helper = Math.abs(along.z) < 0.8 * along.length() ? [0, 0, 1] : [1, 0, 0];
@@ -215,8 +236,9 @@ const Shapes = (() => {
         const place = point.clone().addScaledVector(n, this.radius), row = k * this.sides + i;
         position.setXYZ(row, place.x, place.y, place.z);
         normal.setXYZ(row, n.x, n.y, n.z);
+        born.setX(row, t);
       }
-      position.needsUpdate = normal.needsUpdate = true;
+      position.needsUpdate = normal.needsUpdate = born.needsUpdate = true;
       this.show(this.points.length);
     }
   }

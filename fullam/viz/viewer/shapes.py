@@ -144,7 +144,7 @@ def platform_shapes(vehicle: Vehicle, path: str, **look: Any) -> list[Shape]:
     hub = {"type": "cylinder", "radius": 0.22 * size, "length": 0.14 * size, "colour": SHELL}
     shapes: list[Shape] = [{"path": f"{path}/hub", **hub, **look}]
     for name, position, axis in zip(rotors.names, rotors.positions, rotors.axes, strict=True):
-        shapes.append(_rod(f"{path}/boom_{name}", np.zeros(3), position, 0.018 * size) | look)
+        shapes.append(rod(f"{path}/boom_{name}", np.zeros(3), position, 0.018 * size) | look)
         ring = {"type": "torus", "radius": radius, "tube": 0.008 * size, "colour": STEEL}
         shapes.append(
             {
@@ -171,11 +171,12 @@ def _arm_shapes(vehicle: Vehicle, prefix: str) -> list[Shape]:
     for joint, name, end in rods:
         if np.linalg.norm(end) > 1e-6:
             path = f"{body_path(prefix, joint)}/{name}"
-            shapes.append(_rod(path, np.zeros(3), end, radius) | {"colour": ARM})
+            shapes.append(rod(path, np.zeros(3), end, radius) | {"colour": ARM})
     return shapes
 
 
-def _rod(path: str, start: Array, end: Array, radius: float) -> Shape:
+def rod(path: str, start: Array, end: Array, radius: float) -> Shape:
+    """A rod from one point to another, or a ball where they are the same."""
     length = float(np.linalg.norm(end - start))
     if length < 1e-9:
         return {"path": path, "type": "sphere", "radius": radius, "colour": CARBON}

@@ -50,6 +50,24 @@
     }
   }
 
+  function around(it) {
+    for (const edge of it.world) line(edge, "#a9865b", 1.5, 0.7);
+    for (let k = 1; k < it.task.length; k++)
+      if (k % 2) line([it.task[k - 1], it.task[k]], "#1f9e89", 2, 0.8);
+  }
+
+  function touched(r, it) {
+    if (it.contact !== null) line([point(r, it.contact), point(r, it.tool)], "#101418", 3);
+    const k = Math.min(Math.floor(moment * SKETCH.rate + 1e-6), count - 1) * width;
+    for (const i of it.balls) {
+      if (steps[k + i] > 32000) continue;  // not carried
+      pen.beginPath();
+      pen.arc(...project(point(r, i)), 5 * devicePixelRatio, 0, 2 * Math.PI);
+      Object.assign(pen, { fillStyle: "#5e3c99", globalAlpha: 1 });
+      pen.fill();
+    }
+  }
+
   function vehicle(r, it) {
     for (const [at, colour, alpha] of [[it.target, "#1f9e89", 0.5], [it.pose, null, 1]]) {
       if (at === null) continue;
@@ -71,6 +89,7 @@
       line([...path, arm.at(-1)], it.colour, 1, 0.6);
     }
     line(arm, "#7d838c", 4);
+    touched(r, it);
   }
 
   function draw() {
@@ -80,7 +99,7 @@
     pen.lineJoin = pen.lineCap = "round";
     ground();
     const r = row(moment);
-    for (const it of SKETCH.vehicles) vehicle(r, it);
+    for (const it of SKETCH.vehicles) { around(it); vehicle(r, it); }
     slider.value = moment;
     document.getElementById("now").textContent = `${moment.toFixed(2)} s`;
     button.textContent = playing ? "Pause" : "Play";

@@ -1,6 +1,7 @@
 """A film as a line drawing: light enough for every notebook cell, and it plays without a kernel.
 
-The page holds rotor rings, arm, target and the tool's path, positions and quaternions in 16 bits.
+The page holds rotor rings, arm, target and the tool's path, positions and quaternions in 16 bits;
+edges of the world, the force of it on the tool, what is carried and the path asked of the tool.
 Where a live notebook shows it, it asks the kernel's server for the whole scene and makes room.
 """
 
@@ -76,9 +77,11 @@ def sketch_of(film: Film) -> dict[str, Any]:
     scene = film.scene
     vehicles: list[dict[str, Any]] = []
     columns: list[int] = []
+    balls: list[tuple[int, int]] = []
     at, width = 1, 0
     for vehicle in scene["vehicles"]:
         drawn: dict[str, Any] = {"pose": None, "target": None, "joints": [], "tool": None}
+        drawn |= {"contact": None, "balls": []}
         for track in vehicle["tracks"]:
             numbers = WIDTHS[track["kind"]]
             kept = 0
@@ -91,14 +94,24 @@ def sketch_of(film: Film) -> dict[str, Any]:
                 kept = 3
             elif track["kind"] == "trail":
                 drawn["tool"], kept = width, 3
+            elif track.get("path", "").endswith("/contact"):
+                drawn["contact"], kept = width, 3  # the arrow's foot; it ends at the tool
+            elif track["kind"] == "ball":
+                drawn["balls"].append(width)
+                balls.append((width, at + 3))
+                kept = 3
             columns += range(at, at + kept)
             at, width = at + numbers, width + kept
         vehicles.append(
             drawn
             | {"label": vehicle["label"], "colour": vehicle["colour"], "rotors": _rotors(vehicle)}
+            | {"world": _edges(vehicle), "task": _task(vehicle)}
         )
     stride = max(1, -(-2 * width * len(film.frames) // MOST_BYTES))
-    rows = film.frames[::stride].astype(np.float64)[:, columns]
+    frames = film.frames[::stride].astype(np.float64)
+    rows = frames[:, columns]
+    for start, carried in balls:  # what is not carried is out of sight
+        rows[frames[:, carried] < 0.5, start : start + 3] = np.inf
     centre, scale = np.array(scene["centre"]), FARTHEST * scene["radius"] / LARGEST
     quaternions = [
         v[name] + 3 for v in vehicles for name in ("pose", "target") if v[name] is not None
@@ -151,6 +164,35 @@ def _rotors(vehicle: dict[str, Any]) -> list[dict[str, Any]]:
         points = np.vstack([pose[:3], ring]).round(4)
         found.append({"colour": shape["colour"], "ring": points.tolist()})
     return found
+
+
+def _edges(vehicle: dict[str, Any]) -> list[list[list[float]]]:
+    """Lines along what may be touched: the edges of boxes and tiles, three rings of a ball."""
+    found = []
+    for shape in vehicle["shapes"]:
+        folder, _, name = shape["path"].removeprefix(f"{vehicle['path']}/").partition("/")
+        if folder != "world" or "/" in name:
+            continue
+        pose = np.array(shape["pose"])
+        if shape["type"] == "sphere":
+            circle = np.column_stack([np.cos(RING), np.sin(RING), np.zeros_like(RING)])
+            rings = np.vstack([circle, circle[:1]]) * shape["radius"]
+            lines = [np.roll(rings, k, axis=1) for k in range(3)]
+        else:
+            half = 0.5 * np.array(shape["size"])
+            loop = half * [[x, y, 1.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
+            below = loop * [1.0, 1.0, -1.0]
+            lines = [loop, below, *np.stack([loop, below], axis=1)[:4]]
+        R = quaternion_rotation(pose[3:])
+        found += [(pose[:3] + line @ R.T).round(4).tolist() for line in lines]
+    return found
+
+
+def _task(vehicle: dict[str, Any]) -> list[list[float]]:
+    """Points along the path asked of the tool: the middles of its dashes."""
+    start = f"{vehicle['path']}/task/"
+    dashes = [shape for shape in vehicle["shapes"] if shape["path"].startswith(start)]
+    return [np.round(dash["pose"][:3], 4).tolist() for dash in dashes if "pose" in dash]
 
 
 def _json(value: Any) -> str:
