@@ -102,6 +102,14 @@ class ExternalWrench:
     correlation: float
     settings: WrenchSettings
 
+    def __str__(self) -> str:
+        """In a line."""
+        force = np.linalg.norm(self.wrench[:, :3], axis=1)
+        return (
+            f"external wrench at the {self.settings.at}, {len(self.t)} rows to {self.t[-1]:g} s: "
+            f"force {force[-1]:.2f} N at the end, {force.max():.2f} N at most"
+        )
+
     @property
     def surprise(self) -> Array:
         """f^T C^-1 f of the force, shape (M,): chi-squared of three while nothing pushes."""
