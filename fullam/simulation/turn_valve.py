@@ -3,17 +3,19 @@
 The wheel's hinge lies along +x; it resists with 0.1 N m of friction and some damping, and its pin,
 0.12 m off, points at the vehicle. The tool carries a hoop. It is put over the pin from ahead and
 led about the hinge by `TURN`, the platform's attitude held. The pin has `PLAY` in the hoop, for
-errors of the approach in gusts: by PLAY / RADIUS the wheel turns less than the tool.
+errors of the approach in gusts; so the wheel turns up to 7 deg less than the hoop, and the hoop
+less than asked where the servos give way.
 
 Laws that hold their position keep the hoop off the wheel, and turn it by the pin alone; with
 `hybrid-force` the hoop is pushed against the wheel's face with 3 N besides, and rubs on it.
 
-A record has no column for the wheel's angle: `tool_angle` bounds it by where the hoop is, and
-`wheel_angle` reads it in a flight that is flown step by step, or again.
+A record has no column for the wheel's angle. `hoop_angle` bounds it; `wheel_angle` reads it in a
+flight that is flown by hand (`interactive`), which is the same bit for bit.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 from fullam.simulation.interaction import AHEAD_DEG, HOME, YAW_DEG
 from fullam.simulation.scenario import Scenario, register_scenario
-from fullam.simulation.tool_paths import minimum_jerk
+from fullam.simulation.tool_paths import SplinePath, minimum_jerk
 from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.trajectory import Trajectory
 from fullam.simulation.world_file import WorldFile
@@ -47,8 +49,8 @@ HOOP = 0.05
 PIN, BEND, ROD = 0.005, 0.022, 0.004
 """Radii of the pin, of the circle in the hoop's octagon and of the hoop's rods [m]."""
 
-PLAY = BEND - ROD - PIN
-"""Of the pin in the hoop, at the middles of the rods [m]."""
+PLAY = (BEND - ROD - PIN) / np.cos(np.pi / 8.0)
+"""Farthest that the pin's axis gets from the hoop's, in a corner [m]."""
 
 TURN = np.radians(120.0)
 """By which the tool is led about the hinge [rad]."""
@@ -65,7 +67,7 @@ def hoop() -> str:
     corner = BEND / np.cos(np.pi / 8.0)
     angles = np.pi / 8.0 + np.pi / 4.0 * np.arange(9)
     points = [f"{corner * np.cos(a):.6f} {corner * np.sin(a):.6f} {HOOP}" for a in angles]
-    ends = [*zip(points[:-1], points[1:], strict=True)]
+    ends = [*pairwise(points)]
     ends += [(f"{way * 0.01} 0 0.005", f"{way * BEND} 0 {HOOP}") for way in (1, -1)]
     return "\n".join(
         f'      <geom type="capsule" size="{ROD}" fromto="{a}  {b}" mass="0.002"/>' for a, b in ends
@@ -84,7 +86,7 @@ SCENE = f"""
       <geom name="wheel" type="cylinder" size="0.16 0.01" pos="0.01 0 0" euler="0 90 0"
             mass="0.5" rgba="0.7 0.2 0.2 1"/>
       <geom name="pin" type="capsule" size="{PIN}" fromto="0 0 {RADIUS}  -0.045 0 {RADIUS}"
-            mass="0.01"/>
+            mass="0"/>
     </body>
     <body name="pipe" pos="{HINGE[0]} {HINGE[1]} {HINGE[2]}">
       <geom name="pipe" type="cylinder" size="0.03 0.05" pos="0.075 0 0" euler="0 90 0"
@@ -104,10 +106,10 @@ def path() -> Trajectory:
     return Trajectory(tuple(t.tolist()), tuple(map(tuple, places.tolist())), degree=5, ends="rest")
 
 
-def tool_angle(run: Run) -> Array:
+def hoop_angle(run: Run) -> Array:
     """Angle of the hoop about the hinge over a flight, shape (N,) [rad].
 
-    Once the wheel turns its own angle is up to asin(PLAY / RADIUS) behind.
+    With the pin in it, the wheel's own is within asin(PLAY / RADIUS), and behind as it turns.
     """
     model = run.vehicle.model
     data, frame = model.createData(), model.getFrameId(run.vehicle.tool)
@@ -121,7 +123,11 @@ def tool_angle(run: Run) -> Array:
 
 
 def wheel_angle(engine: Any) -> float:
-    """Angle of the wheel where the engine of a flight is (`mujoco_engine.Engine`) [rad]."""
+    """Angle of the wheel now [rad].
+
+    Args:
+        engine: Of a flight of this scenario, a `mujoco_engine.Engine`.
+    """
     return float(engine.data.joint("valve").qpos[0])
 
 
@@ -132,7 +138,7 @@ register_scenario(
         initial_position=HOME,
         initial_euler_deg=YAW_DEG,
         initial_arm_deg=AHEAD_DEG,
-        tool=ToolTask(path(), attitude="fixed"),
+        tool=ToolTask(SplinePath(path()), attitude="fixed"),
         duration=14.0,
         world_file=WorldFile("turn-valve.xml", SCENE),
     )
