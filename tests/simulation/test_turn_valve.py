@@ -34,7 +34,7 @@ def test_the_wheel_is_turned_by_more_than_a_right_angle(calm):
     run, wheel = calm
     assert run.well and run.simulation.plant == "mujoco"
     assert np.abs(wheel[:40]).max() < 1e-3, "it stands until the hoop moves it"
-    assert np.degrees(wheel[-1]) > 100.0
+    assert np.degrees(wheel[-1]) > 95.0
 
 
 def test_where_the_hoop_is_tells_the_wheels_angle(calm):
