@@ -29,7 +29,7 @@ sampling as A, the loop
     L A P k / ((M s^2 + D s + K) (m s^2 + A m (K_d s + K_p) + k))
 
 has a peak there, of a height that only M / m brings down; D and K count for little. At 3e3 N/m,
-where a wall of 1e5 N/m^(3/2) is under 0.8 N, the gain margin is 0.5 with M = m, and the tool hammers
+where a wall of 1e5 N/m^(3/2) is under 0.8 N, the gain margin is 0.5 with M = m: the tool hammers
 at 7 Hz; with 2 m it is 1.0, with 4 m, the default on the default vehicle, 2.2. So calculated, with
 nothing in wall or arm that dissipates, it is below 1 again from 1e4 to 3e4 N/m; in flight the
 default is steady at walls of 2e3 to 1e6 N/m^(3/2), and hammers at 1e7, as the hybrid law does.
