@@ -35,7 +35,10 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged or
     swings about its target.
     """
-    flight = prepared(arguments, *options.law(arguments))
+    from fullam.simulation.scenario import load_scenario
+
+    arguments.scenario = load_scenario(arguments.scenario)
+    flight = prepared(arguments, *options.law(arguments, arguments.scenario.controller))
     tell_of_failure(flight)
     warn_of_reach(flight)
     warn_of_loop(flight)
@@ -123,7 +126,14 @@ def findings_of(run: Run, metrics: Metrics) -> list[Finding]:
     """What was in the way of a flight that diverged, swings or has not settled."""
     from fullam.analysis.diagnosis import diagnose
 
-    return diagnose(run) if len(run) and not (run.well and metrics.settled) else []
+    return diagnose(run) if len(run) and not (run.well and settled(run, metrics)) else []
+
+
+def settled(run: Run, metrics: Metrics) -> bool:
+    """Whether every axis settled that the law was to hold, and not to push along."""
+    from fullam.analysis.touching import unsettled_axes
+
+    return metrics.settled or not unsettled_axes(run, metrics)
 
 
 def contact_data(run: Run) -> dict[str, Any]:
@@ -145,7 +155,7 @@ def explain(run: Run, metrics: Metrics) -> None:
         say(f"\ncontact: {contact}")
     if not run.well:
         say(f"\n{run.outcome.upper()}, {run.controller}: {run.metadata['reason']}")
-    elif not metrics.settled:
+    elif not settled(run, metrics):
         say(f"\nNOT SETTLED, {run.controller}")
     for finding in findings_of(run, metrics):
         say(f"- {finding}")

@@ -140,7 +140,8 @@ def wheel_angle(engine: Any) -> float:
 register_scenario(
     Scenario(
         name="turn-valve",
-        description="Put a hoop over a valve's pin and turn it by 100 deg (dc-pid-plus, in MuJoCo)",
+        description="Put a hoop over a valve's pin and turn it by 100 deg, in MuJoCo",
+        controller="dc-pid-plus",
         initial_position=HOME,
         initial_euler_deg=YAW_DEG,
         initial_arm_deg=AHEAD_DEG,
