@@ -140,9 +140,7 @@ def contact_data(run: Run) -> dict[str, Any]:
 
 
 def explain(run: Run, metrics: Metrics) -> None:
-    """Say what the tool touched and what of the scene moved; how a flight that was not well went,
-    and what was in its way.
-    """
+    """Say what was touched and moved; how a flight that was not well went, what was in its way."""
     from fullam.analysis.scene_motion import scene_motions
     from fullam.analysis.touching import contact_of, contact_warning
 
