@@ -258,9 +258,9 @@ def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Ch
             if (np.abs(part[np.isfinite(part)], dtype=float) > most).any():
                 raise check.refuse(name, "holds numbers beyond sense", f"at most {most:g} are read")
     quaternions = [(name, slice(3, 7)) for name in QUATERNIONS]
-    quaternions += [(COLUMN, part) for part in quaternions_of(read_joints(metadata, check))]
-    for name, part in quaternions:
+    quaternions += [(COLUMN, four) for four in quaternions_of(read_joints(metadata, check))]
+    for name, four in quaternions:
         with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(arrays[name][:rows, part], axis=1)
+            lengths = np.linalg.norm(arrays[name][:rows, four], axis=1)
         if (np.abs(lengths - 1.0) > UNIT_QUATERNION).any():
             raise check.refuse(name, "holds no unit quaternions", "save the run again")

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.exceptions import MissingDependency, ScenarioError
+from fullam.exceptions import FullamWarning, MissingDependency, ScenarioError
 from fullam.simulation.mujoco_scene import HOLDER, XYZW, scene_joints, scene_model
 from fullam.simulation.mujoco_spec import load_mujoco
 from fullam.simulation.scene_joints import SceneJoint
@@ -73,7 +73,8 @@ class DrawnScene:
         plane = load_mujoco().mjtGeom.mjGEOM_PLANE
         solid = [i for i in geoms if model.geom_type[i] != plane]
         solid = [i for i in solid if model.geom_bodyid[i] not in held]
-        self.middle = self._data.geom_xpos[solid].mean(axis=0) if solid else None
+        self._solids = self._data.geom_xpos[solid].copy()
+        self.middle = self._solids.mean(axis=0) if solid else None
         holder = next((b for b in moving if model.body(b).name == HOLDER), None)
         self._holder = None if holder is None else int(model.body_mocapid[holder])
 
@@ -103,9 +104,10 @@ class DrawnScene:
             prefix: Scene path of the vehicle.
             offset: Where it is drawn, away from where it is [m].
             places: Where it all happens, shape (n, 3) [m].
-            margin: How far beyond those a plane without an end is drawn [m].
+            margin: How far beyond those, and the scene, a plane without an end is drawn [m].
         """
         model, data, found = self._model, self._data, []
+        places = np.vstack([places, self._solids])
         for i in self._still:
             place = pin.SE3(data.geom_xmat[i].reshape(3, 3), data.geom_xpos[i])
             shape = _geometry(model, i)
@@ -131,7 +133,7 @@ def drawn_scene(
         remark = f"the scene '{world_file.path}' is not drawn: {error}"
     except ScenarioError as error:
         remark = f"the scene is not drawn: {error}"
-    warnings.warn(remark, stacklevel=2)
+    warnings.warn(remark, FullamWarning, stacklevel=2)
     return None, remark
 
 

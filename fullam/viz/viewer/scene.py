@@ -309,9 +309,10 @@ class Scene:
         apart = 0.2 * float(np.linalg.norm(np.ptp([v.offset for v in self.vehicles], axis=0)))
         radius = apart + min(0.5 * float(np.linalg.norm(high - low)), 2.0 * size) + 1.4 * size
         floor = np.floor(2.0 * (low[2] - 2.0 * size)) / 2.0
+        remarks = dict.fromkeys(v.around.remark for v in self.vehicles if v.around.remark)
         self._view = {
             "title": title,
-            "details": details,
+            "details": " · ".join([details, *remarks]),
             "duration": duration,
             "centre": [float(x) for x in centre],
             "radius": radius,

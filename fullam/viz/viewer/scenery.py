@@ -95,7 +95,7 @@ class Scenery:
             joints: Of its scene in MJCF, whose coordinates are known moment by moment.
 
         Warns:
-            UserWarning: That scene cannot be drawn; the message says why.
+            FullamWarning: That scene cannot be drawn; the message says why.
         """
         path = np.zeros((0, 3))
         if scenario.tool is not None:
@@ -165,7 +165,7 @@ class Scenery:
                 place = pin.SE3(surface.rotation, np.array(surface.center) + offset)
                 found.append(_solid(path, place, {"type": "box", "size": list(surface.size)}))
         if self.scene is not None:
-            found += self.scene.shapes(prefix, offset, self.places, 1.2 * size)
+            found += self.scene.shapes(prefix, offset, self.places, 2.0 * size)
         found += _dashes(f"{prefix}/task", self.path + offset, 0.013 * size)
         for i, body in enumerate(self.payloads):
             ball = {"type": "sphere", "radius": body.radius, "colour": PAYLOAD}
