@@ -359,8 +359,9 @@ class Run:
     def to_mcap(self, path: str | Path) -> Path:
         """Write an MCAP file, for Foxglove or PlotJuggler: a topic a column, JSON messages.
 
-        The frames "platform", "estimate" and "reference" move in "world". Times are from the start
-        of the flight; numbers that are not finite are null.
+        The frames "platform", "estimate" and "reference" move in "world", and so does "scene/box" for
+        a body "box" that flies freely. Times are from the start of the flight; numbers that are not
+        finite are null.
 
         Raises:
             RunFileError: The name does not end in .mcap.

@@ -44,6 +44,9 @@ UNIT_QUATERNION = 1e-3
 MOST_NUMBER, MOST_LAST_NUMBER = 1e9, 1e100
 """The largest number of a record, and of the tick at which a flight has diverged."""
 
+MOST_WORDS = 300
+"""Characters of what a library says of a damaged file, which may quote all of it."""
+
 UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, KeyError, TypeError),
     *(AttributeError, NotImplementedError, MemoryError, SyntaxError, tokenize.TokenError),
@@ -99,7 +102,7 @@ def read(path: Path, format: Format) -> tuple[dict[str, Array], dict[str, Any]]:
     except UNREADABLE as error:
         raise check.refuse(
             "file",
-            f"cannot be read as a run ({type(error).__name__}: {error})",
+            f"cannot be read as a run ({type(error).__name__}: {str(error)[:MOST_WORDS]})",
             "give a file written by Run.save; this one is truncated, damaged or another's",
         ) from error
     _check_metadata(metadata, arrays, check)

@@ -13,6 +13,8 @@ spin, k_f, k_tau, max_speed; see `model.definition`), their MJCF, and a scenario
     vehicle = "vehicle.toml"
     world_file = "scene.xml"
 
+Its joints are in the record: `run.scene_joints` names them, `run.moved("door")` tells what one did.
+
 A record holds the scene's text. Meshes, textures and parts of it that stand in other files it holds
 by a digest alone: to fly again, they must be where they were, and unchanged.
 """

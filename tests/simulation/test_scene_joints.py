@@ -177,6 +177,12 @@ def test_pandas_xarray_parquet_and_mcap_have_it(run, tmp_path):
     assert len(found) == len(run)
     assert found[0][0]["properties"]["drawer"] == {"type": "number", "description": "m"}
     assert found[-1][1] == dict(zip(COMPONENTS, run.scene[-1].tolist(), strict=True))
+    with (tmp_path / "a.mcap").open("rb") as file:
+        box = [
+            json.loads(message.data)
+            for _, _, message in make_reader(file).iter_messages(topics=["/frames/scene/box"])
+        ]
+    assert [frame["translation"]["z"] for frame in box] == run.moved("box")[:, 2].tolist()
 
 
 # Records that are wrong on purpose.

@@ -129,8 +129,9 @@ def drawn_scene(
     """The scene, or None and why it is not drawn, of which somebody is warned."""
     try:
         return DrawnScene(world_file, joints), ""
-    except MissingDependency as error:
-        remark = f"the scene '{world_file.path}' is not drawn: {error}"
+    except MissingDependency:
+        missing = MissingDependency("drawing it", "mujoco", "contact")
+        remark = f"the scene '{world_file.path}' is not drawn: {missing}"
     except ScenarioError as error:
         remark = f"the scene is not drawn: {error}"
     warnings.warn(remark, FullamWarning, stacklevel=2)
