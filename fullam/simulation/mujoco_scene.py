@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.simulation.mujoco_contact import MOUNTED
-from fullam.simulation.mujoco_spec import PREFIX, TOOL, load_mujoco, refused, scene_spec
+from fullam.simulation.mujoco_spec import PREFIX, TOOL, refused, scene_spec
 from fullam.simulation.scene_joints import SceneJoint, named
 from fullam.simulation.world_file import WorldFile
 
@@ -48,7 +48,6 @@ def scene_model(world_file: WorldFile) -> Any:
         MissingDependency: MuJoCo is not installed.
         ScenarioError: It refuses the scene, or files that the scene names are not what they were.
     """
-    mujoco = load_mujoco()
     spec = scene_spec(world_file)
     try:
         if spec.body(TOOL) is not None:
@@ -57,7 +56,6 @@ def scene_model(world_file: WorldFile) -> Any:
             mounted.pos, mounted.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
             holder = spec.worldbody.add_body(name=HOLDER, mocap=True)
             holder.add_frame().attach_body(mounted, MOUNTED, "")
-        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         return spec.compile()
     except ValueError as error:
         raise refused(world_file, error) from error

@@ -204,8 +204,8 @@ class Run:
             joint: Its name, one of `scene_joints`.
 
         Returns:
-            Angle [rad] or way [m], shape (N,); quaternion xyzw of a ball joint, shape (N, 4); [p,
-            quaternion xyzw] of a free body, shape (N, 7).
+            Angle [rad] or way [m], shape (N,); quaternion xyzw of a ball joint, by which it has
+            turned, shape (N, 4); [p, quaternion xyzw] of a free body in {W}, shape (N, 7).
 
         Raises:
             UnknownName: The scene has no such joint, or the record none of any.
@@ -359,9 +359,9 @@ class Run:
     def to_mcap(self, path: str | Path) -> Path:
         """Write an MCAP file, for Foxglove or PlotJuggler: a topic a column, JSON messages.
 
-        The frames "platform", "estimate" and "reference" move in "world", and so does "scene/box" for
-        a body "box" that flies freely. Times are from the start of the flight; numbers that are not
-        finite are null.
+        The frames "platform", "estimate" and "reference" move in "world", and so does "scene/box"
+        for a body "box" that flies freely. Times are from the start of the flight; numbers that are
+        not finite are null.
 
         Raises:
             RunFileError: The name does not end in .mcap.

@@ -2,11 +2,12 @@
 
     hinge (1)   angle [rad]
     slide (1)   way [m]
-    ball (4)    quaternion xyzw of its body in the body that carries it
+    ball (4)    quaternion xyzw, by which its body has turned from how it is drawn
     free (7)    p [m], quaternion xyzw of its body in world axes
 
-A record's column `scene` has them side by side, in the order of the scene; its metadata name them,
-`{"name": "valve", "kind": "hinge"}`. MuJoCo's own order, wxyz, ends in `mujoco_scene`.
+They are MuJoCo's `qpos`: an angle or a way is the joint's `ref` in the scene as it is drawn. A
+record's column `scene` has them side by side, in the scene's order; its metadata name them,
+`{"name": "valve", "kind": "hinge"}`. MuJoCo's order of a quaternion, wxyz, ends in `mujoco_scene`.
 """
 
 from __future__ import annotations
