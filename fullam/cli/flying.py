@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
 
+MOST_JOINTS = 12
+"""Of a scene's joints, told of at the prompt."""
+
 
 @verb(
     "run",
@@ -137,15 +140,18 @@ def settled(run: Run, metrics: Metrics) -> bool:
 
 
 def contact_data(run: Run) -> dict[str, Any]:
-    """What the tool touched, for machines; nothing if it touched nothing."""
+    """What the tool touched and what moved around it, for machines; nothing if nothing did."""
+    from fullam.analysis.scene_motion import scene_motions
     from fullam.analysis.touching import contact_of
 
-    found = contact_of(run)
-    return {} if found is None else {"contact": found.to_dict()}
+    contact, moved = contact_of(run), [motion.to_dict() for motion in scene_motions(run)]
+    found: dict[str, Any] = {} if contact is None else {"contact": contact.to_dict()}
+    return found | ({"scene": moved} if moved else {})
 
 
 def explain(run: Run, metrics: Metrics) -> None:
-    """Say what the tool touched; how a flight that was not well went, and what was in its way."""
+    """Say what was touched and moved; how a flight that was not well went, what was in its way."""
+    from fullam.analysis.scene_motion import scene_motions
     from fullam.analysis.touching import contact_of, contact_warning
 
     contact, warning = contact_of(run), contact_warning(run)
@@ -153,6 +159,8 @@ def explain(run: Run, metrics: Metrics) -> None:
         complain(warning)
     elif contact is not None:
         say(f"\ncontact: {contact}")
+    for motion in scene_motions(run)[:MOST_JOINTS]:
+        say(f"scene: {motion}")
     if not run.well:
         say(f"\n{run.outcome.upper()}, {run.controller}: {run.metadata['reason']}")
     elif not settled(run, metrics):

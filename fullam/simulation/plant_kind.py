@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.simulation.draws import Drawn
+from fullam.simulation.scene_joints import SceneJoint
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
@@ -66,12 +67,16 @@ class Plant(ABC):
         seen: The arm as the controller sees it.
         arm: The true motion of the joints, rows of `JointMotion`; None if it is `seen.motions`.
         touches: The force of the world on the tool, a row a period; None where nothing is touched.
+        scene: The joints of the scene around it, whose coordinates are a column of the record.
+        moved: Those coordinates, a row a period; None where no joint is.
     """
 
     name: ClassVar[str]
     seen: SeenArm
     arm: Rows | None = None
     touches: Rows | None = None
+    scene: tuple[SceneJoint, ...] = ()
+    moved: Rows | None = None
 
     def __init__(self, around: Surroundings) -> None:
         """Make the rows."""
