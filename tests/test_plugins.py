@@ -13,7 +13,7 @@ import fullam
 from fullam import ownership, plugins
 from fullam.cli import main
 from fullam.control.controllers import CONTROLLERS
-from fullam.exceptions import FullamWarning, KernelError, PluginError, UnknownName
+from fullam.exceptions import FullamWarning, KernelError, PluginError, SettingsError, UnknownName
 from fullam.ownership import LOADED, owner_of
 from fullam.plugins import load_plugin
 from fullam.simulation.scenario import scenario_names
@@ -381,6 +381,24 @@ def test_a_kernel_that_answers_something_else_is_told_so(law, line, instead, say
     far = fullam.Scenario("far", reference=fullam.Step((0.0, 0.0, 4.0)), duration=1)
     with pytest.raises(KernelError, match=f"law 'answers': kernel .*: answers {says}"):
         fullam.simulate(far, "answers", shaping={"max_acceleration": None})
+
+
+OWN_SETTINGS = """from dataclasses import dataclass
+import fullam
+from fullam.control.dc_pid import DcPid
+
+@fullam.register("lacking")
+class Lacking(DcPid):
+    @dataclass(frozen=True)
+    class Settings:
+        gain: float = 3.0
+"""
+
+
+def test_settings_that_lack_what_the_base_reads_are_refused(law):
+    load_plugin(law(OWN_SETTINGS))
+    with pytest.raises(SettingsError, match="class Lacking: Settings: has no '.*', which its base"):
+        fullam.simulate("task-1", "lacking")
 
 
 def test_shaping_is_the_scenarios_whatever_class_flies(law):
