@@ -397,7 +397,9 @@ class Lacking(DcPid):
 
 def test_settings_that_lack_what_the_base_reads_are_refused(law):
     load_plugin(law(OWN_SETTINGS))
-    with pytest.raises(SettingsError, match="class Lacking: Settings: has no '.*', which its base"):
+    with pytest.raises(
+        SettingsError, match=r"class Lacking: Settings: has no '.*', which its base"
+    ):
         fullam.simulate("task-1", "lacking")
 
 
