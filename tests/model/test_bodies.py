@@ -26,6 +26,16 @@ def test_a_body_has_what_the_definition_says():
     np.testing.assert_allclose(body.inertia, [[1e-3, 1e-4, 0], [1e-4, 1e-3, 0], [0, 0, 1.5e-3]])
 
 
+def test_what_rounding_left_below_zero_is_taken_and_nonsense_on_trust():
+    rod = {**BODY, "inertia": [-5e-94, 0.0, 0.0, 1e-3, 0.0, 1e-3]}
+    assert with_bodies(rod).model.inertias[3].inertia[0, 0] == -5e-94
+    vehicle = load_vehicle("fullam")
+    heavy = {**BODY, "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, -1e-3]}
+    definition = {**vehicle.definition, "body": [heavy], "physics": "trust"}
+    trusted = Vehicle.from_definition(definition, vehicle.urdf)
+    assert trusted.model.inertias[3].inertia[2, 2] == -1e-3
+
+
 def test_the_tables_of_a_model_rebuild_it():
     vehicle = load_vehicle("hextilt")
     definition = {**vehicle.definition, "body": body_tables(vehicle.model)}
