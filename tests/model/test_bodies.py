@@ -13,10 +13,10 @@ BODY = {"link": "link_2", "mass": 0.2, "center": [0.0, 0.1, 0.0],
         "inertia": [1e-3, 1e-4, 0.0, 1e-3, 0.0, 1.5e-3]}  # fmt: skip
 
 
-def with_bodies(*tables):
+def with_bodies(*tables, **more):
     vehicle = load_vehicle("fullam")
     definition = {k: v for k, v in vehicle.definition.items() if k != "mass"}
-    return Vehicle.from_definition({**definition, "body": list(tables)}, vehicle.urdf)
+    return Vehicle.from_definition({**definition, "body": list(tables), **more}, vehicle.urdf)
 
 
 def test_a_body_has_what_the_definition_says():
@@ -29,10 +29,8 @@ def test_a_body_has_what_the_definition_says():
 def test_what_rounding_left_below_zero_is_taken_and_nonsense_on_trust():
     rod = {**BODY, "inertia": [-5e-94, 0.0, 0.0, 1e-3, 0.0, 1e-3]}
     assert with_bodies(rod).model.inertias[3].inertia[0, 0] == -5e-94
-    vehicle = load_vehicle("fullam")
-    heavy = {**BODY, "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, -1e-3]}
-    definition = {**vehicle.definition, "body": [heavy], "physics": "trust"}
-    trusted = Vehicle.from_definition(definition, vehicle.urdf)
+    nobody = {**BODY, "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, -1e-3]}
+    trusted = with_bodies(nobody, physics="trust")
     assert trusted.model.inertias[3].inertia[2, 2] == -1e-3
 
 
