@@ -397,9 +397,7 @@ class Lacking(DcPid):
 
 def test_settings_that_lack_what_the_base_reads_are_refused(law):
     load_plugin(law(OWN_SETTINGS))
-    with pytest.raises(
-        SettingsError, match=r"class Lacking: Settings: has no '.*', which"
-    ):
+    with pytest.raises(SettingsError, match=r"class Lacking: Settings: has no '.*', which"):
         fullam.simulate("task-1", "lacking")
 
 
