@@ -48,9 +48,7 @@ def at(found, time):
 
 @pytest.fixture(scope="module")
 def calm():
-    """Its joints are told exactly; half a step of their encoders is a centimetre in two postures."""
-    servo = {"plant": "servo", "plant_settings": {"feedback": "truth"}}
-    return simulate(turned(), "dc-pid-plus", simulation=servo)
+    return simulate(turned(), "dc-pid-plus")
 
 
 @pytest.fixture(scope="module")
@@ -67,15 +65,17 @@ def test_in_calm_air_the_mass_is_exact_and_so_is_the_lever_across_gravity(calm):
     assert found.mass[row] == pytest.approx(0.2, abs=0.002)
     # Across: y of the last link is level here, x and z are half up.
     assert found.center[row, 1] == pytest.approx(OFFSET[1], abs=0.003)
-    assert found.center_deviation[row, 1] < 0.01
+    assert found.center_deviation[row, 1] < 0.015
     assert np.all(found.center_deviation[row, [0, 2]] > 0.05)  # half the prior and more
 
 
 def test_two_postures_tell_all_of_the_centre(calm):
     found = estimate_payload(calm, PayloadSettings(rotor_doubt=0.001))
-    row = at(found, 5.9)
-    np.testing.assert_allclose(found.center[row], OFFSET, atol=0.003)
-    assert np.all(found.center_deviation[row] < 0.01)
+    for time, most in ((2.9, 0.1), (5.9, 0.015)):
+        row = at(found, time)
+        # 10 mm of x are left, by half a step of the encoders.
+        assert np.all(np.abs(found.center[row] - OFFSET) < 2.0 * found.center_deviation[row])
+        assert np.all(found.center_deviation[row] < most)
 
 
 def test_it_is_told_between_pick_up_and_drop_alone(calm):
@@ -121,7 +121,7 @@ def test_its_deviations_are_honest(carried):
     mass = [(f.mass[k] - 0.2) / f.mass_deviation[k] for f, k in zip(carried, rows, strict=True)]
     across = [f.center[k, 1] / f.center_deviation[k, 1] for f, k in zip(carried, rows, strict=True)]
     # Squares of 16 normal numbers: below 2.1 in 99.9 of 100 cases. The deviations are somewhat
-    # wide: 0.7 and 0.6 of the seeds 0..63, of these 0.9 and 0.26.
+    # wide: 0.7 and 0.5 of the seeds 0..63, of these 0.9 and 0.22.
     for errors in (mass, across):
         assert 0.15 < np.mean(np.square(errors)) < 2.1
 
