@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from fullam.analysis.external_wrench import WrenchSettings, external_wrench
     from fullam.analysis.margins import loop_margins
     from fullam.analysis.metrics import Metrics, measure
+    from fullam.analysis.payload_estimate import PayloadSettings, estimate_payload
     from fullam.control.allocation import Allocation, Allocator
     from fullam.control.controller import Controller
     from fullam.control.controllers import (
@@ -74,6 +75,7 @@ LATER = {
     "fullam.analysis.diagnosis": ("diagnose",),
     "fullam.analysis.margins": ("loop_margins",),
     "fullam.analysis.metrics": ("Metrics", "measure"),
+    "fullam.analysis.payload_estimate": ("PayloadSettings", "estimate_payload"),
     "fullam.control.allocation": ("Allocation", "Allocator"),
     "fullam.control.controller": ("Controller",),
     "fullam.control.controllers": (
@@ -139,6 +141,7 @@ __all__ = [
     "JointTrajectory",
     "LinePath",
     "Metrics",
+    "PayloadSettings",
     "ReferenceTable",
     "Rotors",
     "Run",
@@ -161,6 +164,7 @@ __all__ = [
     "controller_names",
     "design_vehicle",
     "diagnose",
+    "estimate_payload",
     "estimator_names",
     "excitation_flight",
     "explore",
