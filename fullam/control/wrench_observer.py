@@ -39,7 +39,7 @@ from fullam.dynamics.spatial import (
 )
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.elementary import decay
-from fullam.numbers.kernel import Number, kernel
+from fullam.numbers.kernel import Number, kernel, select
 from fullam.numbers.vectors import ZERO, Matrix, Vector, add, axpy, cross, rotate, scale, subtract
 
 
@@ -52,7 +52,7 @@ class ObserverNumbers(NamedTuple):
 
     period: Number
     rates: Halves
-    weight: Number
+    gravity: Number
     left: Number
     mean: Number
 
@@ -70,6 +70,16 @@ class ObserverMemory(NamedTuple):
     attitude: Matrix
     command: Spatial
     actual: Spatial
+    mass: Number
+
+
+@kernel
+def mass_of(chain):
+    """Of all links, with what is known to hang at the last [kg]."""
+    mass = 0.0
+    for i in range(len(chain.links)):
+        mass = mass + chain.links[i].mass
+    return mass
 
 
 @kernel
@@ -85,9 +95,10 @@ def nothing_observed(numbers, chain, estimate):
     """Nothing unexplained yet; the rotors carry the weight."""
     R = rotation_matrix(estimate.pose.attitude)
     h, c = momentum_about_center(chain, R, estimate.velocity)
-    lift = (0.0, 0.0, numbers.weight)
+    mass = mass_of(chain)
+    lift = (0.0, 0.0, mass * numbers.gravity)
     hover = rotate_spatial_back(R, Spatial(lift, cross(c, lift)))
-    return ObserverMemory(Spatial(ZERO, ZERO), h, c, R, hover, hover)
+    return ObserverMemory(Spatial(ZERO, ZERO), h, c, R, hover, hover, mass)
 
 
 @kernel
@@ -110,25 +121,32 @@ def observed(numbers, factors, chain, estimate, memory):
     U = scale_spatial(0.5, mean)
     # The moving arm carries the centre of mass along: what acted had the lever in between.
     lever = scale(0.5, add(memory.center, c))
+    # Of a period in whose end something was picked up or dropped the momenta tell nothing.
+    mass = mass_of(chain)
+    told = select(mass == memory.mass, 1.0, 0.0)
     dh = scale_spatial(1.0 / numbers.period, subtract_spatial(h, memory.momentum))
-    force = add(subtract(dh.linear, U.linear), (0.0, 0.0, numbers.weight))
+    force = add(subtract(dh.linear, U.linear), (0.0, 0.0, mass * numbers.gravity))
     moment = subtract(dh.angular, subtract(U.angular, cross(lever, U.linear)))
     moment = add(moment, cross(lever, force))  # now at the origin of {A}
     d = memory.wrench
     d = Spatial(
-        axpy(decay(numbers.rates.linear * factors.linear), subtract(force, d.linear), d.linear),
         axpy(
-            decay(numbers.rates.angular * factors.angular), subtract(moment, d.angular), d.angular
+            told * decay(numbers.rates.linear * factors.linear), subtract(force, d.linear), d.linear
+        ),
+        axpy(
+            told * decay(numbers.rates.angular * factors.angular),
+            subtract(moment, d.angular),
+            d.angular,
         ),
     )
-    return ObserverMemory(d, h, c, R, memory.command, actual)
+    return ObserverMemory(d, h, c, R, memory.command, actual, mass)
 
 
 @kernel
 def asked(memory, wrench_A):
     """The observer told of the wrench asked from the rotors until the next period, {A} axes."""
     m = memory
-    return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual)
+    return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual, m.mass)
 
 
 def observer_numbers(
@@ -146,7 +164,7 @@ def observer_numbers(
     return ObserverNumbers(
         period,
         Halves(rates[0] * period, rates[1] * period),
-        vehicle.mass * vehicle.gravity,
+        vehicle.gravity,
         left,
         lag / period * (1.0 - left),
     )

@@ -23,7 +23,7 @@ NEVER = 1e6
 
 @dataclass(frozen=True)
 class Payload:
-    """A ball at the tool, which nobody told the law of.
+    """A ball at the tool.
 
     It has the tool's velocity when it is picked up, so nothing jerks but its weight.
 
@@ -33,6 +33,8 @@ class Payload:
         dropped: When [s].
         offset: Its centre from the tool's point, axes of the arm's last link [m].
         radius: Of a ball of even density [m].
+        known: Whether the law is told: its nominal vehicle then carries it, too, from the pick-up
+            to the drop.
     """
 
     mass: float
@@ -40,6 +42,7 @@ class Payload:
     dropped: float = NEVER
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 0.03
+    known: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -51,6 +54,7 @@ class Payload:
             ("radius", positive(10.0, "m")),
         ):
             object.__setattr__(self, name, check.number(name, getattr(self, name), numbers))
+        object.__setattr__(self, "known", check.flag("known", self.known))
         offset = check.vector("offset", self.offset, 3, within(100.0, "m"))
         object.__setattr__(self, "offset", offset)
         if self.dropped <= self.picked_up:
@@ -86,7 +90,10 @@ class Load(NamedTuple):
 
 
 class LoadView(NamedTuple):
-    """What `load` is shown: `links` to be written, the links without loads, the loads."""
+    """What `load` is shown: `links` to be written, the links without loads, the loads.
+
+    "load" writes the true links, "expect" by the same kernel the law's, with what it knows of.
+    """
 
     links: Any
     bare: Any

@@ -22,6 +22,7 @@ from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView
 from fullam.dynamics.recursion import Joint, JointMotion, Link
 from fullam.dynamics.servo import ServoNumbers
+from fullam.exceptions import ScenarioError
 from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
@@ -54,6 +55,7 @@ class ServoPlant(Plant):
         entries: The joints' part of the record, (periods, n), if it is kept.
         world: What the tool may touch, `contact.World`; None if there is nothing.
         loads: What the tool carries and when, `Load` rows; None if it never carries anything.
+        expected: Those of `loads` that the law knows of; None if there are none.
         links: The true links, with what is carried.
         touches: See `Plant`; kept with the record.
     """
@@ -71,6 +73,8 @@ class ServoPlant(Plant):
         # For each lane, as the true ones are: what is placed on them has lanes from the first on.
         own, links = self._empty(Link, n + 1), around.tables.links.array
         own.array[:] = links[..., None] if around.lanes else links
+        self._nominal = self._empty(Link, n + 1)
+        self._nominal.array[:] = own.array
         self.arm: Rows = self._empty(JointMotion, n)
         self.goals = self._empty(float, n)
         self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
@@ -85,6 +89,8 @@ class ServoPlant(Plant):
         self.touches: Rows = self._empty(Vector, around.kept)
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
+        known = [body for body in payloads if body.known]
+        self.expected = load_rows(plan.nominal, known, period) if known else None
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             own,
@@ -115,6 +121,7 @@ class ServoPlant(Plant):
 
     def python_stages(self, look: Callable[[Any], Any]) -> dict[str, PythonStage]:
         """See `Plant`; by Pinocchio."""
+        self.nothing_expected()
         plan = self.around.tables.plan
         solve = PinocchioJoints(plan.true, plan.nominal.servos)
         move = servo_stage(plan.simulation.integrator, solve, self._contact)
@@ -124,6 +131,20 @@ class ServoPlant(Plant):
             own["load"] = (carrying(solve, frame), own["load"][1])
         return own | {"move": (move, look(self._view()))}
 
+    def nothing_expected(self) -> None:
+        """Refuse loads that the law knows of, where it has other models than the kernels'.
+
+        Raises:
+            ScenarioError: There is one.
+        """
+        if self.expected is not None:
+            raise ScenarioError(
+                "driver 'python'",
+                "payloads",
+                "has one that is known, and only the kernels' laws can be told in flight",
+                "fly it with plant='servo' and driver='fused', or give known = false",
+            )
+
     def _own_stages(self) -> dict[str, Stage]:
         stages = {
             "steer": Stage(steer, self._goal_view()),
@@ -132,6 +153,9 @@ class ServoPlant(Plant):
         if self.loads is not None:
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
+        if self.expected is not None:
+            told = LoadView(self.seen.links, self._nominal, self.expected)
+            stages["expect"] = Stage(load, told)
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
