@@ -46,7 +46,7 @@ from fullam.numbers.vectors import ZERO, Matrix, Vector, add, axpy, cross, rotat
 class ObserverNumbers(NamedTuple):
     """The observer as numbers.
 
-    The period T [s]; K T of force and of moment; m g [N]; of the gap between what the rotors give
+    The period T [s]; K T of force and of moment; g [m/s^2]; of the gap between what the rotors give
     and what they are asked for: the share that is left after T, and its mean over T.
     """
 
@@ -61,7 +61,8 @@ class ObserverMemory(NamedTuple):
     """What the observer saw last.
 
     d at the origin of {A}, world axes; momentum about the centre of mass, where that was, and the
-    attitude, world axes; the wrench asked from the rotors and the wrench that they gave, {A} axes.
+    attitude, world axes; the wrench asked from the rotors and the wrench that they gave, {A} axes;
+    the mass of the model, which jumps when something known is picked up.
     """
 
     wrench: Spatial
