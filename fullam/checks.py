@@ -195,6 +195,22 @@ class Checker:
             raise self.refuse(field, f"is {shown(value)}", f"give a {' or a '.join(names)}")
         return value
 
+    def items(self, field: str, value: Any) -> tuple[Any, ...]:
+        """Several things in order: a list, a tuple, a range or the entries of an array."""
+        fits = isinstance(value, list | tuple | range)
+        if not (fits or (isinstance(value, np.ndarray) and value.ndim == 1)):
+            raise self.refuse(field, f"is {shown(value)}", "give a list of them")
+        return tuple(value)
+
+    def path(self, field: str, value: Any, suffix: str = "") -> Path:
+        """The path of a file, with a suffix if one is wanted."""
+        if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
+            raise self.refuse(field, f"is {shown(value)}", "give the path of a file")
+        if Path(value).suffix.lower() != suffix and suffix:
+            problem = f"{shown(str(value))} does not end in {suffix}"
+            raise self.refuse(field, problem, "give it that suffix")
+        return Path(value)
+
     def table(self, field: str, value: Any) -> dict[str, Any]:
         """A mapping whose keys are texts."""
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):

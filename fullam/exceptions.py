@@ -89,6 +89,10 @@ class CampaignError(InvalidInput):
     """A campaign, its result file or its workers that do not fit together."""
 
 
+class KernelError(InvalidInput):
+    """A kernel that machine code cannot be made of."""
+
+
 class PluginError(InvalidInput):
     """A plugin that cannot be loaded, or is not there where it is needed."""
 

@@ -10,6 +10,7 @@ This is imported before everything else and imports next to nothing.
 """
 
 import atexit
+import contextlib
 import os
 import signal
 import sys
@@ -42,6 +43,21 @@ def ignore() -> None:
     """
     if in_the_main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def leave() -> None:
+    """End an interrupted command now, if threads of it still work.
+
+    Python would wait for what they fly or compile, many seconds. What they would give nobody takes
+    any more, and what has to be left in order was left by whoever opened it, or is now.
+    """
+    working = [t for t in threading.enumerate() if not t.daemon]
+    if is_command() and in_the_main_thread() and len(working) > 1:
+        atexit._run_exitfuncs()
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):  # the reader may have gone
+                stream.flush()
+        os._exit(EXIT_CODE)
 
 
 def in_the_main_thread() -> bool:

@@ -108,6 +108,8 @@ def _load_file(path: Path, name: str = "") -> Plugin:
 
 def load_text(source: str, text: bytes, name: str = "") -> Plugin:
     """Load a file's text, as it was read here or came from elsewhere."""
+    if any(plugin.source == source for plugin in LOADING):
+        raise PluginError(source, "plugin", "loads itself", "leave that out")
     digest, old = _digest(text), LOADED.get(source)
     if old is not None and old.digest == digest:
         return old
@@ -176,7 +178,16 @@ def _told(plugin: Plugin, error: BaseException) -> PluginError:
     remedy = "mend it there"
     if isinstance(error, ModuleNotFoundError):
         remedy = f"install '{error.name}' here, or do without it"
-    return PluginError(where, type(error).__name__, str(error) or "was raised", remedy)
+    return PluginError(where, type(error).__name__, str(error).rstrip(".") or "was raised", remedy)
+
+
+def blamed(error: BaseException) -> PluginError | None:
+    """An error as that of the plugin whose code raised it, or called what did; None if none."""
+    files = {frame.filename for frame in traceback.extract_tb(error.__traceback__)}
+    for plugin in LOADED.values():
+        if plugin.text and plugin.source in files:
+            return _told(plugin, error)
+    return None
 
 
 def _module_name(path: Path) -> str:

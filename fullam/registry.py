@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -12,6 +13,9 @@ from fullam.plain_values import defaults_of
 from fullam.plugins import discover
 
 T = TypeVar("T")
+
+LONGEST_NAME = 100
+"""Characters of a name."""
 
 
 class Registry(Names[T]):
@@ -45,7 +49,9 @@ class Registry(Names[T]):
 
         Raises:
             PluginError: In a plugin, and the name is somebody else's.
+            SettingsError: It is no name that anybody could type.
         """
+        check_name(self.kind, name)
         claim(self, name, thing)
         super().__setitem__(name, thing)
 
@@ -61,12 +67,21 @@ class Registry(Names[T]):
         return super().__getitem__(name)
 
 
+def check_name(kind: str, name: Any) -> None:
+    """Refuse a name that no command line could name: lists have commas, estimators follow an @."""
+    check = Checker(f"{kind} {shown(name)}", SettingsError)
+    text = check.text("name", name)
+    if len(text) > LONGEST_NAME or text != text.strip() or text[0] == "-" or set(text) & set(",@"):
+        problem = "is too long, begins with -, or has a comma, an @ or blanks around it"
+        raise check.refuse("name", problem, "give a name such as 'my-law'")
+
+
 def check_class(cls: Any, base: type, where: str) -> None:
     """Refuse a class that could be registered but not flown, while its author looks on.
 
     Raises:
-        SettingsError: It is not derived from `base`, leaves a method out, or its `Settings` are no
-            dataclass whose fields all have a default.
+        SettingsError: It is not derived from `base`, leaves a method out, cannot be made as `base`
+            is, or its `Settings` are no dataclass whose fields all have a default.
     """
     check = Checker(where, SettingsError)
     if not (isinstance(cls, type) and issubclass(cls, base)):
@@ -76,4 +91,23 @@ def check_class(cls: Any, base: type, where: str) -> None:
     if missing:
         problem = f"{cls.__name__} does not define {missing}"
         raise check.refuse("class", problem, f"the docstring of {base.__name__} says what they do")
+    given = inspect.signature(base).parameters
+    try:
+        inspect.signature(cls).bind(*given)
+    except (TypeError, ValueError) as error:
+        remedy = f"take {', '.join(given)}, and give them to super().__init__"
+        raise check.refuse("__init__", f"cannot be called ({error})", remedy) from error
     defaults_of(cls.Settings, check)  # type: ignore[attr-defined]
+
+
+def made(cls: type[T], *parts: Any) -> T:
+    """A registered class, called; refused if its own `__init__` leaves out its base's.
+
+    Raises:
+        SettingsError: It does.
+    """
+    thing = cls(*parts)
+    if "period" not in getattr(thing, "__dict__", ()):
+        where, remedy = f"class {cls.__name__}", "call super().__init__ with all that it is given"
+        raise SettingsError(where, "__init__", "does not call that of its base", remedy)
+    return thing

@@ -53,7 +53,7 @@ max_speed = 1000.0
 lag = 0.02
 {ROTORS}"""
 
-SOON = 2.0
+SOON = 10.0
 """A file is refused within this [s]; reading a good one takes some milliseconds."""
 
 

@@ -19,6 +19,7 @@ from fullam.model import definition_keys as keys
 from fullam.model.composition import compose
 from fullam.model.loading import read_urdf
 from fullam.simulation import arm_motion, references, world
+from fullam.simulation.references import from_dict
 from fullam.viz.viewer.browser import Browser, chromium_path
 
 ROOT = Path(__file__).parents[1]
@@ -107,6 +108,16 @@ def readers():
         lambda: scenario(table | {"weather": {"sensors": {"?": 1}}}),
     )
     for field, kinds in (("reference", references.KINDS), ("arm_motion", arm_motion.KINDS)):
+        maker = getattr(
+            fullam, "Trajectory" if field == "reference" else "JointTrajectory"
+        ).from_csv
+        yield (
+            "scenario",
+            f'`[{field}]`, `kind = "csv"`',
+            lambda field=field, maker=maker: from_dict(
+                {"csv": maker}, field, {"kind": "csv", "?": 1}
+            ),
+        )
         for kind in sorted(k for k in kinds if of_maker(kinds[k])):  # some have no further keys
             yield (
                 "scenario",

@@ -30,6 +30,17 @@ def test_a_sweep_prints_medians_and_keeps_rows(tmp_path, capsys):
     assert len(read_campaign(out)) == 4
 
 
+def test_scenarios_with_blanks_between_them_on_another_vehicle(tmp_path):
+    other = register_scenario(replace(SHORT, name="other-cli", initial_arm_deg=()))
+    register_scenario(replace(SHORT, name="short-cli-2", initial_arm_deg=()))
+    out = tmp_path / "rows.parquet"
+    line = ["sweep", other.name, "short-cli-2", "--vehicle", "hextilt", "--runs", "1"]
+    assert main([*line, "--out", str(out)]) == 0
+    rows = read_campaign(out)
+    assert sorted(rows.column("scenario")) == ["other-cli", "short-cli-2"]
+    assert {s["vehicle"] for s in rows.identity["scenarios"]} == {"hextilt"}
+
+
 def test_a_sweep_in_json_is_json_alone(tmp_path, capsys):
     assert main([*SWEEP, "--json", "--out", str(tmp_path / "rows.parquet")]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -24,6 +24,7 @@ EXAMPLES = {
     exceptions.SettingsError: INPUT,
     exceptions.RunFileError: INPUT,
     exceptions.CampaignError: INPUT,
+    exceptions.KernelError: INPUT,
     exceptions.PluginError: INPUT,
     exceptions.NotFullyActuated: ("quadrotor", 4, 6, "tilt the rotors"),
     exceptions.NonFiniteWrench: (np.array([np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]),),

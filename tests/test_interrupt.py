@@ -80,6 +80,35 @@ def test_an_impatient_second_interrupt_shows_no_traceback(tmp_path):
     assert "Traceback" not in complaint
 
 
+SLOW_LAW = """import threading, time
+import fullam
+
+threading.Thread(target=time.sleep, args=(60.0,)).start()  # as if it compiled something large
+
+@fullam.register("slow-law")
+class Slow(fullam.Controller):
+    def reset(self, measurement, reference):
+        print("flies", flush=True)
+
+    def wrench(self, t, measurement, reference):
+        time.sleep(0.05)
+        return [0.0, 0.0, 25.0, 0.0, 0.0, 0.0]
+"""
+
+
+def test_nobody_waits_for_what_a_thread_still_does(tmp_path):
+    plugin = tmp_path / "slow_law.py"
+    plugin.write_text(SLOW_LAW, encoding="utf-8")
+    process = start("run", "position-1", "--plugin", plugin, "--controller", "slow-law")
+    assert process.stdout.readline() == "flies\n"
+    begin = time.monotonic()
+    code, complaint = stop(process)
+    assert code == 130
+    assert complaint.strip().splitlines()[-1] == "fullam: interrupted"
+    # A period of the law, and what Python needs on a machine that is busy.
+    assert time.monotonic() - begin < 10.0
+
+
 def test_elsewhere_an_interrupt_is_pythons_own():
     assert not interrupt.is_command()
     assert signal.getsignal(signal.SIGINT) is not interrupt.end_at_once

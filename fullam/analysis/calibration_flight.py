@@ -7,7 +7,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from fullam.analysis.capability import assess
-from fullam.exceptions import VehicleError
+from fullam.checks import Checker, Range
+from fullam.exceptions import ScenarioError, VehicleError
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.excitation import JOINT_ROUNDS, ArmExcitation, Excitation
 from fullam.simulation.scenario import Scenario
@@ -48,7 +49,14 @@ def excitation_flight(
 
     Raises:
         VehicleError: The vehicle cannot hover, or holds no tilt.
+        ScenarioError: A duration or an arm that makes no sense.
     """
+    check = Checker("excitation_flight", ScenarioError)
+    check.instance("vehicle", vehicle, Vehicle)
+    check.instance("weather", weather, Weather)
+    duration = check.number("duration", duration, Range(1.0, 1e4, "s"))
+    if arm is not None:
+        arm = check.array("arm", arm, (vehicle.n_arm,))
     joints = vehicle.joints
     amplitudes = joint_amplitudes(vehicle, duration)
     middle = hanging_arm(vehicle) if arm is None else np.asarray(arm, dtype=float)

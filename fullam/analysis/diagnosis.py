@@ -21,9 +21,11 @@ from fullam.analysis.margins import LoopMargins, flight_margins
 from fullam.analysis.metrics import measure
 from fullam.analysis.pushed import as_kernels
 from fullam.analysis.sensing import sensor_warning
+from fullam.analysis.touching import contact_of
+from fullam.checks import Checker
 from fullam.control.controllers import recommended_estimator, suits
 from fullam.dynamics.rotations import quaternion_rotation
-from fullam.exceptions import FullamError
+from fullam.exceptions import FullamError, RunFileError
 from fullam.model.attainable.facets import facets_of
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.flight_plan import FlightPlan
@@ -51,7 +53,7 @@ class Finding:
 
     Attributes:
         kind: "sensors", "margin", "estimator", "delay", "swing", "reach", "failure", "saturation",
-            "gusts", "governor", or "unsettled" where there is nothing else.
+            "gusts", "governor", or "contact" or "unsettled" where there is nothing else.
         what: What was found.
         remedy: What to change.
     """
@@ -74,7 +76,11 @@ def diagnose(run: Run) -> list[Finding]:
 
     Args:
         run: The record; nothing else is needed.
+
+    Raises:
+        RunFileError: It is no record.
     """
+    Checker("diagnose", RunFileError).instance("run", run, Run)
     if not len(run):
         return []
     vehicle = run.vehicle
@@ -247,6 +253,9 @@ def _unsettled(run: Run, vehicle: Vehicle) -> list[Finding]:
     if not late:
         return []
     told = ", ".join(f"{name} ({axis.rms:.2g} {axis.unit} RMS)" for name, axis in late)
+    if contact_of(run) is not None:
+        remedy = "along the normal of a law that pushes so it should be; else target what is free"
+        return [Finding("contact", f"{told} is off its target, and the tool touches", remedy)]
     own = recommended_estimator("dc-pid-plus")
     remedy = f"see it --calm; a longer flight, or less noise to the law (dc-pid-plus with {own})"
     return [Finding("unsettled", f"{told} does not stay in its band", remedy)]

@@ -71,10 +71,10 @@ class WrenchSettings:
     def __post_init__(self) -> None:
         """Check everything."""
         check = Checker("external wrench", SettingsError)
-        if self.method not in METHODS:
-            raise UnknownName("method", str(self.method), METHODS)
-        if self.at not in PLACES:
-            raise UnknownName("place", str(self.at), PLACES)
+        for field, choices in (("method", METHODS), ("at", PLACES)):
+            chosen = check.text(field, getattr(self, field))
+            if chosen not in choices:
+                raise UnknownName("place" if field == "at" else field, chosen, choices)
         for name, unit in (("rate", "rad/s"), ("agility", "N/sqrt(s)"), ("lever", "m")):
             value = check.number(name, getattr(self, name), positive(1e4, unit))
             object.__setattr__(self, name, value)
@@ -102,6 +102,14 @@ class ExternalWrench:
     correlation: float
     settings: WrenchSettings
 
+    def __str__(self) -> str:
+        """In a line."""
+        force = np.linalg.norm(self.wrench[:, :3], axis=1)
+        return (
+            f"external wrench at the {self.settings.at}, {len(self.t)} rows to {self.t[-1]:g} s: "
+            f"force {force[-1]:.2f} N at the end, {force.max():.2f} N at most"
+        )
+
     @property
     def surprise(self) -> Array:
         """f^T C^-1 f of the force, shape (M,): chi-squared of three while nothing pushes."""
@@ -115,6 +123,8 @@ class ExternalWrench:
         Every row counts as a look of its own, which is an upper bound; and the covariance, known
         from n independent looks of the tare, may be two deviations sqrt(2 / n) too small.
         """
+        check = Checker("threshold", SettingsError)
+        false_alarms = check.number("false_alarms", false_alarms, positive(1e6, "per hour"))
         looks = HOUR / (self.t[1] - self.t[0])
         tare = self.settings.tare[1] - self.settings.tare[0]
         doubt = 1.0 + 2.0 * np.sqrt(2.0 * min(1.0, self.correlation / tare))
@@ -153,11 +163,18 @@ def external_wrench(
             needs no tare.
 
     Raises:
-        SettingsError: The record holds no whole tare.
+        SettingsError: The record holds no whole tare, or something is no record, vehicle or
+            settings.
         UnknownName: No such method or place.
     """
-    settings = settings or WrenchSettings()
+    check = Checker("external wrench", SettingsError)
+    check.instance("run", run, Run)
+    settings = WrenchSettings() if settings is None else settings
+    check.instance("settings", settings, WrenchSettings)
     vehicle = run.vehicle if vehicle is None else vehicle
+    check.instance("vehicle", vehicle, Vehicle)
+    if len(run) < 2:
+        raise check.refuse("run", f"has {len(run)} rows", "give the record of a whole flight")
     motion = MeasuredMotion.of(run, vehicle.rotors)
     t = motion.t[1:]
     quiet = (t >= settings.tare[0]) & (t <= settings.tare[1])

@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 
 from fullam.analysis.pushed import Answers, answers, as_kernels, hover_of
 from fullam.analysis.sensing import sensor_warning
+from fullam.checks import Checker, from_zero
 from fullam.control.controllers import recommended_estimator, suits
-from fullam.exceptions import NonFiniteWrench
+from fullam.exceptions import NonFiniteWrench, SettingsError
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.oscillation import NAMES
 from fullam.simulation.weather import CALM
@@ -177,7 +178,11 @@ def loop_margins(plan: FlightPlan, spare: float = 0.0) -> LoopMargins:
     Raises:
         NonFiniteWrench: The law returned NaN or infinity in hover.
         NotFullyActuated, ScenarioError: As for a flight.
+        SettingsError: It is no plan, or the delay makes no sense.
     """
+    check = Checker("loop_margins", SettingsError)
+    check.instance("plan", plan, FlightPlan)
+    spare = check.number("spare", spare, from_zero(100.0, "s"))
     found = answers(hover_of(plan))
     axes = tuple(axis_margin(found, i, spare) for i in range(len(found.axes)))
     return LoopMargins(plan.controller, str(plan.simulation.estimator), axes)

@@ -40,11 +40,13 @@ from fullam.analysis.asked_motion import AskedMotion
 from fullam.analysis.deviation import track_of
 from fullam.analysis.judge import COLUMN, NOISE_SIGMAS, Figures, Judge
 from fullam.analysis.tool_error import AskedTool
+from fullam.checks import Checker
+from fullam.exceptions import RunFileError
+from fullam.simulation.run import Run
 from fullam.simulation.scenario import AXES
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
-    from fullam.simulation.run import Run
     from fullam.simulation.weather import Weather
 
 Array = NDArray[np.float64]
@@ -191,7 +193,11 @@ def measure(run: Run, vehicle: Vehicle | None = None) -> Metrics:
 
     Returns:
         The figures; only the axes that the scenario controls count.
+
+    Raises:
+        RunFileError: It is no record.
     """
+    Checker("measure", RunFileError).instance("run", run, Run)
     controlled = np.array(run.scenario.axes_mask)
     if len(run) == 0:
         nothing = Figures.unknown(controlled, np.array([run.diverged]))

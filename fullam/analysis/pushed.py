@@ -100,6 +100,7 @@ class Answers:
 def hover_of(plan: FlightPlan) -> FlightPlan:
     """A flight's vehicle, law, estimator and sensors in level hover, its arm held, in still air.
 
+    Nothing is within reach: what touches a wall in some periods is no linear loop.
     Without failed rotors it is level, with some in the attitude which the others hold best.
     The pose and the inertial sensors keep their noise, which some laws listen to, and their biases;
     no pose is missing or an outlier, and parameters are exact. Where MuJoCo flies, the plant with
@@ -115,6 +116,7 @@ def hover_of(plan: FlightPlan) -> FlightPlan:
         initial_euler_deg=euler_deg,
         arm_motion=HoldArm(),
         duration=SETTLE + HORIZON,
+        world=(),
         world_file=None,
     )
     weather = replace(

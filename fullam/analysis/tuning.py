@@ -29,6 +29,7 @@ from fullam.analysis.prices import Prices
 from fullam.analysis.provenance import cached_vehicle
 from fullam.analysis.tuning_flights import TuningFlights, candidate_cost, lacking_margin, trying
 from fullam.analysis.tuning_result import Costs, Tuning
+from fullam.checks import Checker, shown
 from fullam.control.controllers import controller_class, make_settings
 from fullam.control.settings_file import SettingsFile
 from fullam.control.tunable import Parameter, search_space
@@ -38,6 +39,9 @@ Array = NDArray[np.float64]
 
 _COST = [str(module.__file__) for module in (tuning_cost, tuning_flights, margins, pushed)]
 """Files that say what a candidate costs, beside those of `provenance.code_digest`."""
+
+MOST = 10_000_000
+"""More candidates than this are a typing error."""
 
 POPULATION = 10
 """Candidates a generation."""
@@ -74,16 +78,21 @@ def tune(
     Raises:
         UnknownName: No such controller, estimator, scenario, weather or driver.
         SettingsError: A budget below one generation, a law that declares nothing to tune, settings
-            that it does not take, or flights that cannot tune.
+            that it does not take, flights that cannot tune, or arguments of another type.
         CampaignError: `out` is being written by another process, or what was kept beside it came
             under other conditions; or a vehicle was edited meanwhile.
         MissingDependency: The optimiser is not installed.
     """
+    check = Checker("tuning", SettingsError)
     flights = TuningFlights() if flights is None else flights
-    name, _, estimator = controller.partition("@")
+    check.instance("flights", flights, TuningFlights)
+    name, _, estimator = check.text("controller", controller).partition("@")
     space = search_space(controller_class(name).Settings)
-    if budget < POPULATION + 1:
-        raise SettingsError("tuning", "budget", f"is {budget}", f"give {POPULATION + 1} or more")
+    check.whole("budget", budget, POPULATION + 1, MOST)
+    check.whole("seed", seed)
+    out = None if out is None else check.path("out", out)
+    if not (progress is None or callable(progress)):
+        raise check.refuse("progress", f"is {shown(progress)}", "give a function, or None")
     origin = settings.path if isinstance(settings, SettingsFile) else None
     if out is not None and origin is not None and Path(out).resolve() == Path(origin).resolve():
         problem = "is where the search starts from"

@@ -74,10 +74,13 @@ class TuningFlights:
             FullamError: No such scenario, vehicle or weather; no seeds, or one for both purposes.
         """
         check = Checker("tuning", SettingsError)
-        if not self.seeds:
-            object.__setattr__(self, "seeds", self._usual_seeds)
+        object.__setattr__(self, "scenarios", check.items("scenarios", self.scenarios))
+        object.__setattr__(self, "shaping", check.table("shaping", self.shaping))
         for name in ("seeds", "validation_seeds"):
-            seeds = tuple(check.whole(name, seed) for seed in getattr(self, name))
+            given = check.items(name, getattr(self, name))
+            if not given and name == "seeds":
+                given = self._usual_seeds
+            seeds = tuple(check.whole(name, seed) for seed in given)
             if not seeds or len(set(seeds)) < len(seeds):
                 raise check.refuse(name, f"are {seeds}", "give at least one, each of them once")
             object.__setattr__(self, name, seeds)

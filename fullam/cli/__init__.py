@@ -20,7 +20,7 @@ from fullam import interrupt
 from fullam.cli import output
 from fullam.cli.verbs import FAILED, INTERRUPTED, USAGE, VERBS, argument
 from fullam.exceptions import AllocationFailed, FullamError, FullamWarning, NonFiniteWrench
-from fullam.plugins import load_plugin
+from fullam.plugins import blamed, load_plugin
 
 DESCRIPTION = "Fly, compare and check fully-actuated aerial manipulators."
 
@@ -93,6 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as stopped:
         interrupt.guard()  # whoever is impatient shall not see a traceback either
         output.complain(f"interrupted{stopped}")
+        interrupt.leave()
         return INTERRUPTED
     finally:
         interrupt.guard()  # what is left is to leave
@@ -123,6 +124,12 @@ def _run(argv: Sequence[str] | None) -> int:
         return 0
     except (OSError, MemoryError) as error:  # what cannot be read, written or held
         output.complain(str(error) or "there is not enough memory")
+        return USAGE
+    except Exception as error:
+        told = blamed(error)
+        if told is None:
+            raise
+        output.complain(str(told))
         return USAGE
 
 

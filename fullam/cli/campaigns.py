@@ -67,7 +67,13 @@ def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
 
 @verb(
     "sweep",
-    argument("scenarios", type=options.names, metavar="SCENARIO", help="names, with commas"),
+    argument(
+        "scenarios",
+        type=options.names,
+        nargs="+",
+        metavar="SCENARIO",
+        help="names or TOML files, with commas or blanks between them",
+    ),
     argument(
         "--controllers",
         type=options.names,
@@ -83,6 +89,7 @@ def scheduler(arguments: argparse.Namespace) -> Scheduler | None:
     argument("--tuned", action="store_true", help="the committed tuned gains, not the defaults"),
     argument("--estimator", metavar="NAME", help="state estimator (default: each law's own)"),
     *options.PLANT,
+    argument("--vehicle", metavar="V", help="another vehicle than the scenarios': name or TOML"),
     argument("--weather", metavar="NAME", help="another weather than the scenario's"),
     argument("--no-gusts", action="store_true", help="the weather without its gusts"),
     argument("--traces", action="store_true", help="keep every motion, at 25 Hz"),
@@ -105,7 +112,10 @@ def sweep(arguments: argparse.Namespace) -> int:
     from fullam.simulation.scenario import load_scenario
     from fullam.simulation.settings import SimulationSettings
 
-    scenarios = [load_scenario(name) for name in arguments.scenarios]
+    named = [name for names in arguments.scenarios for name in names]
+    scenarios = [load_scenario(name) for name in named]
+    if arguments.vehicle:
+        scenarios = [replace(scenario, vehicle=arguments.vehicle) for scenario in scenarios]
     chosen = options.plant_choices(arguments)
     if arguments.estimator:
         chosen["estimator"] = arguments.estimator

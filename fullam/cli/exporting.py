@@ -7,6 +7,7 @@ from pathlib import Path
 
 from fullam.cli.output import say
 from fullam.cli.verbs import OK, argument, verb
+from fullam.exceptions import RunFileError
 
 FORMATS = ("mcap", "csv", "parquet")
 
@@ -15,7 +16,12 @@ FORMATS = ("mcap", "csv", "parquet")
     "export",
     argument("run", metavar="FILE", help="a run file (.npz)"),
     argument("--to", choices=FORMATS, required=True, help="the other tool's format"),
-    argument("--out", type=Path, metavar="FILE", help="default: FILE with the format's suffix"),
+    argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="default: FILE with the format's suffix, if nothing has that name yet",
+    ),
 )
 def export(arguments: argparse.Namespace) -> int:
     """Write a record as a file of other tools.
@@ -27,5 +33,7 @@ def export(arguments: argparse.Namespace) -> int:
     from fullam.simulation.run_export import FORMATS as writers
 
     out = arguments.out or Path(arguments.run).with_suffix(f".{arguments.to}")
+    if arguments.out is None and out.exists():  # it may be the CSV that the motion came from
+        raise RunFileError(str(out), "--out", "is not given and the file exists", "name it there")
     say(f"{arguments.to} saved to {writers[arguments.to](Run.load(arguments.run), out)}")
     return OK

@@ -17,6 +17,7 @@ def registered() -> dict[str, dict[str, str]]:
     from fullam.model.loading import load_vehicle, vehicle_names
     from fullam.ownership import owner_of
     from fullam.simulation.scenario import load_scenario, scenario_names
+    from fullam.simulation.sensor_errors import SensorErrors
     from fullam.simulation.weather import WEATHERS
 
     def summary(kind: str, name: str, thing: object) -> str:
@@ -37,6 +38,7 @@ def registered() -> dict[str, dict[str, str]]:
                 f"noise {1e3 * w.position_noise:g} mm, {w.attitude_noise_deg:g} deg; "
                 f"gusts {w.force_disturbance:g} N, {w.moment_disturbance:g} N m; "
                 f"parameters +-{100 * w.uncertainty.share:g} %"
+                + ("" if w.sensors == SensorErrors() else "; biases, lost and wrong poses")
             )
             for name, w in WEATHERS.items()
         },

@@ -38,7 +38,11 @@ WIDTH = 96
         "scenarios three each)",
     ),
     argument(
-        "--budget", type=options.runs, default=200, metavar="N", help="candidates (default: 200)"
+        "--budget",
+        type=options.runs,
+        default=200,
+        metavar="N",
+        help="candidates at most; they come in generations of some ten (default: 200)",
     ),
     argument(
         "--seed",

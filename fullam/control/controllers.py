@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fullam.checks import Checker
+from fullam.checks import Checker, positive, shown
 from fullam.control.backstepping import Backstepping
 from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
@@ -20,7 +20,7 @@ from fullam.exceptions import SettingsError
 from fullam.model.vehicle import Vehicle
 from fullam.plain_values import from_plain, to_plain
 from fullam.plugins import discover
-from fullam.registry import Registry, check_class
+from fullam.registry import Registry, check_class, made
 
 LAWS: tuple[type[Controller], ...] = (
     Pid,
@@ -47,8 +47,9 @@ def register(name: str) -> Callable[[ControllerType], ControllerType]:
 
     def add(cls: ControllerType) -> ControllerType:
         check_class(cls, Controller, f"controller '{name}'")
-        cls.name = name
+        Checker(f"controller '{name}'", SettingsError).text("estimator", cls.estimator)
         CONTROLLERS[name] = cls
+        cls.name = name
         return cls
 
     return add
@@ -139,5 +140,13 @@ def make_controller(
     axes: tuple[bool, ...] = ALL_AXES,
     **settings: Any,
 ) -> Controller:
-    """Build the controller `name` for a nominal vehicle; keywords change its settings."""
-    return controller_class(name)(vehicle, make_settings(name, settings), period, axes)
+    """Build the controller `name` for a nominal vehicle; keywords change its settings.
+
+    Raises:
+        UnknownName: No such controller.
+        SettingsError: A setting that it does not have, no vehicle, or a period that is none.
+    """
+    check = Checker(f"controller {shown(name)}", SettingsError)
+    check.instance("vehicle", vehicle, Vehicle)
+    check.number("period", period, positive(1e3, "s"))
+    return made(controller_class(name), vehicle, make_settings(name, settings), period, axes)

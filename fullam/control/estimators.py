@@ -32,8 +32,8 @@ def register_estimator(name: str) -> Callable[[EstimatorType], EstimatorType]:
 
     def add(cls: EstimatorType) -> EstimatorType:
         check_class(cls, Estimator, f"estimator '{name}'")
-        cls.name = name
         ESTIMATORS[name] = cls
+        cls.name = name
         return cls
 
     return add

@@ -174,9 +174,17 @@ def target_of(reference: ReferencePoint) -> Target:
 
 
 def numbers_of(part: Any) -> Rows:
-    """What a law, or anything else that tells its `numbers()`, knows: one row."""
+    """What a law, or anything else that tells its `numbers()`, knows: one row.
+
+    Raises:
+        SettingsError: They are no record of numbers.
+    """
     numbers = part.numbers()
-    return Rows.of(type(numbers), [numbers])
+    try:
+        return Rows.of(type(numbers), [numbers])
+    except (TypeError, ValueError) as error:
+        where, remedy = f"class {type(part).__name__}", "return a NamedTuple of numbers"
+        raise SettingsError(where, "numbers()", f"is no record ({error})", remedy) from error
 
 
 FACE = ("reset", "wrench", "delivered", "command", "inform")

@@ -21,11 +21,17 @@ Array = NDArray[np.float64]
 
 def _six(law: Controller, name: str, part: Any) -> Spatial:
     """Six numbers of anybody's law as a record."""
-    if np.shape(part) != (6,):
-        problem = f"is {shown(part)}, of shape {np.shape(part)}"
+    try:
+        numbers = np.asarray(part)
+    except (TypeError, ValueError):  # rows of different lengths, say
+        numbers = np.zeros(0)
+    if numbers.shape != (6,) or numbers.dtype.kind not in "fiub":
+        problem = f"is {shown(part)}"
+        if numbers.size:
+            problem += f", of shape {numbers.shape} and type {numbers.dtype}"
         remedy = "return or set six numbers, linear then angular, world axes"
         raise SettingsError(f"controller '{law.name}'", name, problem, remedy)
-    return record(Spatial, part)
+    return record(Spatial, numbers)
 
 
 class LawStage:
@@ -39,6 +45,8 @@ class LawStage:
         """Begin anew."""
         self._law, self._as_kernels = law, flies_as_kernels(type(law))
         self._measurement, self._reference = Measurement(law.vehicle), ReferencePoint()
+        m = self._measurement
+        self._told = m.q, m.v, m.arm_acceleration
         self.t: float | None = None
         self._begins = True
 
@@ -75,6 +83,7 @@ class LawStage:
     def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
         """Estimate, target and motion of the arm as the arrays of a `Controller`."""
         m, reference = self._measurement, self._reference
+        m.q, m.v, m.arm_acceleration = self._told  # a law may have put others in their place
         R = rotation_matrix(estimate.pose.attitude)
         m.q[:7] = flat(estimate.pose)
         m.v[:6] = flat(rotate_spatial_back(R, estimate.velocity))

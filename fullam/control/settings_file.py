@@ -126,7 +126,7 @@ def _fitting(check: Checker, setting: Field[Any], value: Any) -> Any:
     if _is_number(default):
         if not _is_number(value):
             raise check.refuse(setting.name, f"is {shown(value)}", "give a number")
-        return float(value) if isinstance(default, float) else value
+        return check.number(setting.name, value) if isinstance(default, float) else value
     if isinstance(default, tuple) and default and all(map(_is_number, default)):
         any_length = "..." in str(setting.type)
         good = isinstance(value, tuple) and all(map(_is_number, value))
@@ -146,8 +146,9 @@ def read_settings(path: str | Path) -> SettingsFile:
     Raises:
         SettingsError: No such file, no TOML, or something in it that is not understood.
     """
+    path = Checker("settings", SettingsError).path("path", path)
     check = Checker(str(path), SettingsError)
-    data = read_toml(Path(path), check)
+    data = read_toml(path, check)
     check.known(data, ("controller", "estimator", "settings", "tuning"), "part")
     if "settings" not in data:
         raise check.refuse("[settings]", "is missing", "put the settings into a table of that name")

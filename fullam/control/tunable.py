@@ -99,7 +99,7 @@ def tunable(default: Any, low: Any, high: Any, *, scale: Scale = "log") -> Any:
     Raises:
         SettingsError: Shapes that differ, an empty range, or one that reaches 0 on the scale "log".
     """
-    if scale not in SCALES:
+    if CHECK.text("scale", scale) not in SCALES:
         raise CHECK.refuse("scale", f"is {shown(scale)}", f"give one of {', '.join(SCALES)}")
     many = isinstance(default, tuple | list)
     values, lows, highs = ((tuple(x) if _is_many(x) else (x,)) for x in (default, low, high))
@@ -141,6 +141,7 @@ def search_space(settings: type) -> tuple[Parameter, ...]:
     Raises:
         SettingsError: Nothing; the message says how it is declared.
     """
+    CHECK.instance("settings", settings, type)
     found = [
         replace(p, field=f.name, whole=_is_whole(f.type))
         for f in (fields(settings) if is_dataclass(settings) else ())

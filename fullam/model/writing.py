@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from fullam.checks import Checker
 from fullam.exceptions import VehicleError
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle
@@ -24,9 +25,11 @@ def write_vehicle(vehicle: Vehicle, path: str | Path) -> tuple[Path, Path]:
         Both files, the TOML first.
 
     Raises:
-        VehicleError: If the path does not end in .toml.
+        VehicleError: The path does not end in .toml, or there is no vehicle.
     """
-    path = Path(path)
+    check = Checker("write_vehicle", VehicleError)
+    check.instance("vehicle", vehicle, Vehicle)
+    path = check.path("path", path)
     if path.suffix != ".toml":
         raise VehicleError(str(path), "file", "does not end in .toml", "give the path of a TOML")
     urdf = path.with_suffix(".urdf")

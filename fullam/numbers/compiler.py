@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
 from numba import cfunc, types
+from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 
+from fullam.exceptions import KernelError
 from fullam.numbers import lanes  # noqa: F401 - teaches numba the types of lanes
 from fullam.numbers.compiled_records import call, type_of, viewer, word
 from fullam.numbers.kernel import KERNELS, SUBROUTINES
@@ -55,7 +58,36 @@ def object_code(function: Callable[..., Any], arguments: int) -> tuple[str, byte
 
     Internal to numba: the library behind a C function, and that it can be serialised. A test
     compiles and loads, and says so when an upgrade breaks it.
+
+    Raises:
+        KernelError: Some kernel holds what machine code has not; names its line.
     """
-    compiled = cfunc(types.void(*[types.int64] * arguments), error_model="numpy")(function)
+    try:
+        compiled = cfunc(types.void(*[types.int64] * arguments), error_model="numpy")(function)
+    except NumbaError as error:
+        raise not_compiled(str(error)) from error
     _, _, (code, _) = compiled._library.serialize_using_object_code()
     return compiled._wrapper_name, code
+
+
+PLACE = re.compile(r'File "(.+)", line (\d+):\n\s*def (\w+)')
+"""Where numba's report quotes a kernel; it begins with the innermost one."""
+
+MOST_SAID = 240
+"""More of the compiler's words than this is not repeated."""
+
+
+def not_compiled(report: str) -> KernelError:
+    """What is wrong with a kernel, out of the pages that the compiler says of it."""
+    place = PLACE.search(report)
+    before = report[: place.start()] if place else report
+    told = " ".join(re.split(r"nopython mode pipeline \(step: [^)]*\)", before)[-1].split())
+    told = told if len(told) <= MOST_SAID else f"{told[:MOST_SAID]}..."
+    where = f"{place[1]}, line {place[2]}" if place else "kernel"
+    return KernelError(
+        where,
+        place[3] if place else "",
+        f"cannot become machine code: {told}",
+        "a kernel has numbers, tuples of fixed length and records, and calls other kernels; no "
+        "comprehensions, generators, strings, numpy or objects (driver='python' flies it anyhow)",
+    )

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.exceptions import SettingsError
+
 Array = NDArray[np.float64]
 Plan = tuple[Any, ...] | None
 
@@ -28,12 +30,22 @@ ALIGNMENT = 64
 
 @cache
 def layout(kind: Any) -> Plan:
-    """What a record is made of: (class, layouts of its fields), or None for a number."""
+    """What a record is made of: (class, layouts of its fields), or None for a number.
+
+    Raises:
+        SettingsError: A field is annotated with what is not known where its class is defined.
+    """
     if kind is float:
         return None
     if typing.get_origin(kind) is tuple:
         return (tuple, *map(layout, typing.get_args(kind)))
-    return (kind, *map(layout, typing.get_type_hints(kind).values()))
+    try:
+        hints = typing.get_type_hints(kind)
+    except (NameError, TypeError) as error:
+        where = f"record {getattr(kind, '__qualname__', kind)}"
+        remedy = "annotate its fields with numbers, tuples and records that are imported there"
+        raise SettingsError(where, "annotations", f"cannot be read ({error})", remedy) from error
+    return (kind, *map(layout, hints.values()))
 
 
 @cache

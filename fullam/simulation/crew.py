@@ -23,6 +23,7 @@ from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import InvalidInput
 from fullam.numbers.program import Long
 from fullam.numbers.records import Rows
+from fullam.registry import made
 from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight import EstimateStage, Flight
 from fullam.simulation.flight_plan import FlightPlan, make_estimator
@@ -181,7 +182,7 @@ class CrewChange:
         settings = make_settings(name, chosen.values["settings"])
         step, axes = plan.simulation.control_period, plan.scenario.axes_mask
         anticipated = plan.anticipation is not None
-        return controller_class(name)(plan.nominal, settings, step, axes, anticipated)
+        return made(controller_class(name), plan.nominal, settings, step, axes, anticipated)
 
     def _allocator(self, known: frozenset[int]) -> Allocator:
         nominal, axes = self._plan.nominal, np.array(self._plan.scenario.axes_mask)

@@ -23,6 +23,7 @@ from fullam.control.trim import Trim
 from fullam.exceptions import ScenarioError
 from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
+from fullam.registry import made
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
 from fullam.simulation.plant_settings import plant_settings
@@ -128,7 +129,7 @@ class FlightPlan:
             reference = trim_reference(asked, start, scenario.shaping, trim, vehicle.mass)
         if scenario.shaping.anticipates(asked, start):
             estimator = make_estimator(simulation, weather, vehicle.gravity)
-            law = controller_class(controller)(vehicle, settings, period, scenario.axes_mask)
+            law = made(controller_class(controller), vehicle, settings, period, scenario.axes_mask)
             lag = law.thrust_lag() + 0.5 * period
             anticipation = Anticipation.of(reference, estimator, lag)
             reference = anticipation.reference
@@ -187,7 +188,8 @@ class FlightPlan:
 
     def make_controller(self) -> Controller:
         """A fresh law on the nominal vehicle."""
-        return controller_class(self.controller)(
+        return made(
+            controller_class(self.controller),
             self.nominal,
             self.settings,
             self.simulation.control_period,
@@ -213,7 +215,7 @@ def make_estimator(simulation: SimulationSettings, weather: Weather, gravity: fl
     assert simulation.estimator is not None, "FlightPlan.prepare names it"
     cls = estimator_class(simulation.estimator)
     settings = make_estimator_settings(simulation.estimator, simulation.estimator_settings)
-    return cls(sheet, settings, simulation.control_period)
+    return made(cls, sheet, settings, simulation.control_period)
 
 
 def datasheet(simulation: SimulationSettings, weather: Weather, gravity: float) -> Datasheet:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
+from fullam.checks import Checker, shown
 from fullam.exceptions import SettingsError
 from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.machine_code import available
@@ -24,6 +25,9 @@ Collect = Callable[[Sequence[int]], list[Result]]
 
 LANES = 8
 """Flights at a time: the best width with AVX-512 and with AVX2."""
+
+MOST = 1024
+"""More lanes, or threads, than this are a typing error."""
 
 QUEUED = 4
 """Blocks that wait for each thread: enough to keep it busy, few enough to stop soon."""
@@ -85,10 +89,12 @@ def fly_blocks(
     Raises:
         SettingsError, ScenarioError: As `fly_many`.
     """
-    threads = (os.cpu_count() or 1) if threads is None else threads
-    for name, value in (("lanes", lanes), ("threads", threads)):
-        if not isinstance(value, int) or value < 1:
-            raise SettingsError("many flights", name, f"is {value!r}", "give a whole number, 1 up")
+    check = Checker("many flights", SettingsError)
+    check.instance("plan", plan, FlightPlan)
+    if not isinstance(seeds, Iterable) or getattr(seeds, "ndim", 1) != 1:
+        raise check.refuse("seeds", f"is {shown(seeds)}", "give several, as in range(8)")
+    lanes = check.whole("lanes", lanes, 1, MOST)
+    threads = check.whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, MOST)
     lanes = lanes if available() and lanes > 1 else 0  # one at a time, as scalars
     tables, local = Tables(plan), threading.local()
 

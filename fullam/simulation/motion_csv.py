@@ -145,7 +145,9 @@ def read_columns(path: str | Path) -> Columns:
         raise check.refuse("file", f"has {len(numbered) - 1} rows", f"give at most {MOST_ROWS}")
     (first, header), *body = numbered
     separator = max(",;\t", key=header.count)
-    names, units = zip(*map(_name_and_unit, _cells(header, separator)), strict=True)
+    names, units = zip(
+        *map(_name_and_unit, _cells(header, separator, f"line {first}", check)), strict=True
+    )
     for name in names:
         if not name or names.count(name) > 1:
             problem = f"names {names.count(name)} columns {shown(name)}"
@@ -154,8 +156,12 @@ def read_columns(path: str | Path) -> Columns:
     return Columns(path, names, units, np.array(values), tuple(n for n, _ in body))
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+def _cells(line: str, separator: str, where: str, check: Checker) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    except csv.Error as error:  # an entry of a hundred thousand characters
+        problem = f"cannot be read ({error})"
+        raise check.refuse(where, problem, "give numbers of a few digits") from error
 
 
 def _name_and_unit(header: str) -> tuple[str, str]:
@@ -173,7 +179,7 @@ def _name_and_unit(header: str) -> tuple[str, str]:
 def _numbers(
     line: str, separator: str, names: tuple[str, ...], where: str, check: Checker
 ) -> list[float]:
-    cells = _cells(line, separator)
+    cells = _cells(line, separator, where, check)
     if len(cells) != len(names):
         problem = f"has {len(cells)} entries"
         raise check.refuse(where, problem, f"give {len(names)}: {', '.join(names)}")

@@ -35,6 +35,8 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         ScenarioError: A file that cannot be read as a motion; names file and line.
     """
     values = dict(data)
+    if _same_file(values.get("reference"), values.get("arm_motion")):
+        values["reference"] = {"with_arm": True} | dict(values["reference"])
     for entry, (what, read) in READERS.items():
         values |= {entry: _read(values[entry], what, read, folder)} if entry in values else {}
     tool = values.get("tool")
@@ -47,6 +49,14 @@ def with_files_read(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if isinstance(vehicle, str) and vehicle.endswith(".toml") and (folder / vehicle).is_file():
         values["vehicle"] = str(folder / vehicle)
     return values
+
+
+def _same_file(reference: Any, arm_motion: Any) -> bool:
+    """Whether both motions stand in one CSV file, whose other columns the arm's reader judges."""
+    tables = reference, arm_motion
+    if not all(isinstance(t, Mapping) and t.get("kind") == "csv" for t in tables):
+        return False
+    return bool(reference.get("path") == arm_motion.get("path"))
 
 
 def _read(table: Any, what: str, read: Any, folder: Path) -> Any:

@@ -28,9 +28,9 @@ class Payload:
     It has the tool's velocity when it is picked up, so nothing jerks but its weight.
 
     Attributes:
-        mass: [kg].
-        picked_up: When [s].
-        dropped: When [s].
+        mass: Its mass [kg].
+        picked_up: When it is at the tool from then on [s].
+        dropped: When it is gone again [s].
         offset: Its centre from the tool's point, axes of the arm's last link [m].
         radius: Of a ball of even density [m].
         known: Whether the law is told: its nominal vehicle then carries it, too, from the pick-up

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker
+from fullam.exceptions import RunFileError
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.flown_plugins import require_plugins
 from fullam.simulation.hand_force import HandForce, Holds, felt, still_pushing
@@ -28,10 +30,12 @@ def refly(run: Run) -> Run:
 
     Raises:
         PluginError: A plugin that flew is not loaded here; the message names it.
+        RunFileError: It is no record.
 
     Warns:
         FullamWarning: A plugin that flew has changed since.
     """
+    Checker("refly", RunFileError).instance("run", run, Run)
     require_plugins(run.plugins, f"the record of {run.controller}")
     if run.script is not None:
         return _refly_script(run)

@@ -270,9 +270,7 @@ class Run:
         Raises:
             RunFileError: The name does not end in .npz.
         """
-        path = Path(path)
-        if path.suffix != ".npz":
-            raise RunFileError(str(path), "name", "does not end in .npz", "give it that suffix")
+        path = run_tables.checked(path, ".npz")
         with atomic_path(path) as temporary:
             np.savez_compressed(
                 temporary,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import Checker
 from fullam.exceptions import MissingDependency, RunFileError
 from fullam.files import atomic_path
 
@@ -184,9 +185,7 @@ def checked(path: str | Path, suffix: str) -> Path:
     Raises:
         RunFileError: It has not.
     """
-    if Path(path).suffix.lower() != suffix:
-        raise RunFileError(str(path), "name", f"does not end in {suffix}", "give it that suffix")
-    return Path(path)
+    return Checker("record", RunFileError).path("name", path, suffix)
 
 
 def plain(values: Array) -> list[Any]:

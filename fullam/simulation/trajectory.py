@@ -103,7 +103,12 @@ class Trajectory:
 
     @classmethod
     def from_csv(
-        cls, path: str | Path, degree: int = 3, ends: str = "free", at: float = 0.0
+        cls,
+        path: str | Path,
+        degree: int = 3,
+        ends: str = "free",
+        at: float = 0.0,
+        with_arm: bool = False,
     ) -> Trajectory:
         """The motion that a CSV file tells.
 
@@ -117,16 +122,20 @@ class Trajectory:
             degree: As the attribute.
             ends: As the attribute.
             at: As the attribute.
+            with_arm: Whether all further columns are joints of the arm, whatever their names; so it
+                is by itself where a scenario's file reads both motions from one CSV file.
 
         Raises:
             ScenarioError: What is wrong, with the line of the file.
         """
         columns = read_columns(path)
         for name in columns.names:
-            if name not in ("t", *PLATFORM) and not name.startswith("joint"):
+            if not (with_arm or name in ("t", *PLATFORM) or name.startswith("joint")):
                 known = ", ".join(("t", *PLATFORM))
                 raise columns.check.refuse(
-                    "header", f"'{name}' is no column of it", f"it has {known}"
+                    "header",
+                    f"'{name}' is no column of the platform",
+                    f"if it is a joint of the arm, say with_arm = true; else it has {known}",
                 )
         given = {"times": columns.times()}
         if not columns.has(("x", "y", "z")):

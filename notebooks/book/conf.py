@@ -6,6 +6,9 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
 from fullam.version import __version__
 from fullam.viz.style import BLUE, SKY
 
@@ -80,3 +83,8 @@ html_theme_options = {
     "dark_css_variables": accent(SKY),
     "navigation_with_keys": True,
 }
+
+
+def setup(app: Sphinx) -> None:
+    """A CSV file needs no colours, and Pygments has none for it."""
+    app.add_lexer("csv", TextLexer)

@@ -269,7 +269,7 @@ def test_ctrl_c_ends_threads_at_once(tmp_path):
     rest = process.stdout.read()
     process.wait()
     # A block in the air takes some hundredths of a second, leaving Python a few tenths.
-    assert time.monotonic() - sent < 3.0
+    assert time.monotonic() - sent < 10.0
     kept = len(list((tmp_path / "sweep.parquet.parts").glob("*.parquet")))
     assert kept > 0
     assert not out.exists()

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from fullam.analysis.diagnosis import diagnose
+from fullam.analysis.pushed import hover_of
 from fullam.analysis.touching import contact_of, contact_warning
 from fullam.cli import main
 from fullam.simulation.scenario import load_scenario
-from fullam.simulation.simulate import simulate
+from fullam.simulation.simulate import prepare, simulate
 
 PUSH = replace(load_scenario("push-wall"), duration=7.0)
 
@@ -18,6 +20,15 @@ def test_a_contact_is_told_by_its_time_and_force():
     assert 3.0 < found.first < 5.0 and found.share > 0.9 and found.touches <= 2
     assert found.mean == pytest.approx(3.0, abs=0.2) and found.largest > found.mean
     assert contact_warning(run) is None
+
+
+def test_a_wall_nearby_is_none_of_the_loops_margins_and_what_holds_an_axis_off_is_said():
+    """The hover that margins are read from met the wall in its fourth second: "unstable"."""
+    near = replace(PUSH, world=(replace(PUSH.world[0], point=(0.63, 0.0, 0.0)),))
+    assert hover_of(prepare(near, "hybrid-force", calm=True)).scenario.world == ()
+    run = simulate(near, "hybrid-force", driver="fused", calm=True)
+    (found,) = diagnose(run)
+    assert found.kind == "contact" and "x (" in found.what and "pushes" in found.remedy
 
 
 def test_a_law_that_knows_of_no_contact_is_told_of():

@@ -7,14 +7,34 @@ import functools
 import signal
 import tempfile
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fullam.exceptions import FullamError
+from hypothesis import strategies as st
+
+import fullam
+from fullam.exceptions import FullamError, FullamWarning
+from fullam.simulation.run import Run
+from fullam.simulation.scenario import Scenario
 
 PATIENCE = 10
 """What takes longer hangs [s]."""
+
+
+OUTCOMES: Counter[str] = Counter()
+"""How often an attack was refused, and how often what it brought was taken."""
+
+
+@dataclass(frozen=True)
+class Attack:
+    """A strategy and what is done with its cases."""
+
+    name: str
+    cases: st.SearchStrategy[Any]
+    happen: Callable[[Any], None]
 
 
 class Hang(BaseException):
@@ -42,15 +62,24 @@ def answered(call: Callable[[], Any]) -> Any:
     with patience(), warnings.catch_warnings():
         # An overflow on the way is a number beyond sense that got too far.
         warnings.simplefilter("error", RuntimeWarning)
+        warnings.simplefilter("ignore", FullamWarning)  # which is an answer, too
         try:
-            return call()
+            result = call()
         except FullamError as error:
             assert str(error).endswith("."), f"no sentence: {error}"
             assert len(str(error)) < 20_000
-            return None
+            result = None
+    OUTCOMES["refused" if result is None else "accepted"] += 1
+    return result
 
 
 @functools.cache
 def folder() -> Path:
     """A folder for this process."""
     return Path(tempfile.mkdtemp(prefix="hostile-"))
+
+
+@functools.cache
+def whole_run() -> Run:
+    """A short flight with noise and gusts; what flights need is compiled then."""
+    return fullam.simulate(Scenario("brief", duration=0.3), seed=1)

@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import api_flights
 import numpy as np
+from answers import PATIENCE, Hang, patience
 
 from fullam.analysis.agreement import agreement
 from fullam.analysis.campaign import Campaign
@@ -190,23 +192,31 @@ def calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
 
 
 def failures() -> tuple[int, list[str]]:
-    """Number of calls, and those that ended in an error that is none of ours."""
+    """Number of calls, and those that ended in an error that is none of ours, or hung."""
     count, found = 0, []
-    for function, right in calls():
+    for function, right in [*calls(), *api_flights.calls()]:
+        outcome(function, right)  # compiles what it needs
         for name in right:
             for wrong in WRONG:
                 count += 1
-                try:
-                    with warnings.catch_warnings():
-                        warnings.simplefilter("ignore")
-                        function(**right | {name: wrong})
-                except FullamError as error:
-                    if not str(error).strip():
-                        found.append(f"{function.__qualname__}({name}={wrong!r}): no message")
-                except Exception as error:  # noqa: BLE001 - which is what is looked for
-                    text = f"{type(error).__name__}: {error}"[:90].replace("\n", " ")
-                    found.append(f"{function.__qualname__}({name}={str(wrong)[:30]}): {text}")
+                text = outcome(function, right | {name: wrong}, PATIENCE)
+                if text:
+                    called = getattr(function, "func", function).__qualname__
+                    found.append(f"{called}({name}={str(wrong)[:30]}): {text}")
     return count, found
+
+
+def outcome(function: Callable[..., Any], arguments: dict[str, Any], seconds: int = 0) -> str:
+    """What came of a call that should not have come."""
+    try:
+        with warnings.catch_warnings(), patience(seconds):
+            warnings.simplefilter("ignore")
+            function(**arguments)
+    except FullamError as error:
+        return "" if str(error).strip() else "no message"
+    except (Exception, Hang) as error:  # noqa: BLE001 - which is what is looked for
+        return f"{type(error).__name__}: {error}"[:90].replace("\n", " ")
+    return ""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Five attacks: vehicles, scenarios, run files, stores and command lines that are wrong on purpose.
+"""The attacks: vehicles, scenarios, runs and stores that are wrong on purpose, and all others.
 
 Each has a strategy, which makes a case, and a function that lets the case happen. What is allowed
 is an answer, or an error of ours that names a remedy, soon. A traceback of anything else, a hang,
@@ -16,19 +16,23 @@ import re
 import tomllib
 import warnings
 import zipfile
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from answers import answered, folder
+from answers import Attack, answered, folder, whole_run
 from commands import attack_command, command_lines
 from hypothesis import strategies as st
-from values import damaged, document, json_values, toml_values, torn
+from motions import attack_motion
+from motions import cases as motions
+from own_files import attack_plugin, attack_settings, plugins, settings_files
+from values import damaged, document, json_values, mostly, toml_values, torn
 
 import fullam
+from fullam.model.bodies import body_tables
 from fullam.model.loading import load_vehicle, vehicle_path
+from fullam.model.servos import DEFAULTS
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario, load_scenario
 
@@ -41,6 +45,9 @@ WHOLE_VEHICLE = tomllib.loads(vehicle_path("fullam").read_text(encoding="utf-8")
 }
 # The declared mass is checked against the URDF's, which would hide every other damage to masses.
 del WHOLE_VEHICLE["mass"], WHOLE_VEHICLE["design"]
+MORE = {"body": body_tables(load_vehicle("fullam").model), "servo": dict(DEFAULTS)}
+"""Mass properties as a calibrated vehicle states them, and servos."""
+
 ATTRIBUTES = [found.span(1) for found in re.finditer(r'="([^"]*)"', WHOLE_URDF)]
 ELEMENTS = [found.span() for found in re.finditer(r"<(\w+)[^<>]*/>", WHOLE_URDF)]
 NUMERALS = ("nan", "inf", "0", "-1", "1e100", "1e150", "1e308", "1e-300", "", "x", "1 2", "0 0 0")
@@ -66,17 +73,14 @@ def urdfs(draw: st.DrawFn) -> bytes:
     return (WHOLE_URDF[:start] + new + WHOLE_URDF[end:]).encode()
 
 
-def mostly(usual: st.SearchStrategy[Any], rare: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-    """The one four times as often as the other: torn files end at the parser, most of them."""
-    return st.integers(0, 4).flatmap(lambda k: rare if k == 4 else usual)
-
-
 GOOD_VEHICLE, GOOD_URDF = document(WHOLE_VEHICLE).encode(), WHOLE_URDF.encode()
 
 vehicles = mostly(
     st.one_of(
         st.tuples(
-            damaged(WHOLE_VEHICLE, toml_values).map(lambda t: document(t).encode()),
+            st.sampled_from((WHOLE_VEHICLE, WHOLE_VEHICLE | MORE))
+            .flatmap(lambda whole: damaged(whole, toml_values))
+            .map(lambda t: document(t).encode()),
             st.just(GOOD_URDF),
         ),
         st.tuples(st.just(GOOD_VEHICLE), urdfs()),
@@ -97,7 +101,10 @@ def attack_vehicle(case: tuple[bytes, bytes]) -> None:
         data = vehicle.create_data()
         assert np.isfinite(pin.rnea(vehicle.model, data, q, v, v)).all()
         inertia = pin.crba(vehicle.model, data, q)
-        assert np.linalg.eigvalsh(np.triu(inertia) + np.triu(inertia, 1).T)[0] > 0.0
+        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        # A thin rod may turn about itself: its joint is prescribed, or has its motor's armature.
+        assert np.linalg.eigvalsh(inertia[:6, :6])[0] > 0.0
+        assert np.linalg.eigvalsh(inertia)[0] > -1e-12 * inertia.max()
         assert np.isfinite(vehicle.rotors.normalized_coupling).all()
         assert 0.0 < vehicle.gravity < 1e3
         return vehicle.actuation_rank() <= 6
@@ -145,12 +152,6 @@ def attack_scenario(case: bytes) -> None:
 
 
 # --- run files --------------------------------------------------------------------------------
-
-
-@functools.cache
-def whole_run() -> Run:
-    """A short flight with noise and gusts."""
-    return fullam.simulate(Scenario("brief", duration=0.3), seed=1)
 
 
 @functools.cache
@@ -301,19 +302,13 @@ def attack_store(case: bytes) -> None:
     answered(lambda: CampaignStore(folder() / "q.parquet", campaign.identity(), False).keys)
 
 
-@dataclass(frozen=True)
-class Attack:
-    """A strategy and what is done with its cases."""
-
-    name: str
-    cases: st.SearchStrategy[Any]
-    happen: Callable[[Any], None]
-
-
 ATTACKS = (
     Attack("vehicle", vehicles, attack_vehicle),
     Attack("scenario", scenarios, attack_scenario),
     Attack("run", runs, attack_run),
     Attack("store", stores, attack_store),
+    Attack("motion", motions, attack_motion),
+    Attack("settings", settings_files, attack_settings),
+    Attack("plugin", plugins, attack_plugin),
     Attack("command", command_lines(), attack_command),
 )

@@ -10,11 +10,13 @@ import shutil
 import time
 import warnings
 
-from answers import PATIENCE, Hang, folder, patience
+from answers import PATIENCE, Hang, folder, patience, whole_run
 from hypothesis import strategies as st
 from values import document
 
 from fullam.cli import main
+from fullam.cli.scaffolding import TEMPLATES
+from fullam.ownership import LOADED, withdraw
 
 COMPILING = 120
 """What takes longer hangs, even if it has to be compiled [s]."""
@@ -24,16 +26,34 @@ WORDS = (
     *("9" * 5000, "x", "dc-pid", "pid", "calm", "paper", "kalman", "truth", "a,b", ","),
     *("fastest", "fused", "python", "on", "off", "anticipate=false", "max_acceleration=0", "cants"),
     *("position_gains=[1,2,3]", "compensation=x", "position_gains=" + "[" * 2000, "=", "a\0b"),
+    *("gains.toml", "bad.toml", "law.py", "bad.py", "no_such_module", "rotor_1", "1,2", "own-law"),
+    *(
+        "fullam",
+        "pid@kalman",
+        "0-3",
+        "own-law@truth",
+        "good.npz",
+        "mcap",
+        "estimator",
+        "0.1",
+        "4.5",
+    ),
     *("\x1b[31m", "<!--", "s.toml", "/dev/null", "no.npz", "-", "--", "overview", "pose", "../.."),
+    *("servo", "prescribed", "feedback=truth", "feedback=x", "feed_forward=off", "push-wall"),
 )
 OPTIONS = {
     "run": ("--controller --set --settings --seed --weather --vehicle --control-rate --plant-rate "
-            "--out --estimator --governor --failed --shape --figure --driver --calm --json"),
+            "--plant --plant-set --out --estimator --governor --failed --shape --figure --driver "
+            "--calm --json"),
     "compare": ("--controllers --settings --seed --weather --vehicle --control-rate --governor "
-                "--shape --failed --figure --driver --calm --json"),
+                "--shape --failed --figure --driver --plant --calm --json"),
     "check": ("--seed --settings --json --samples --controller --estimator --delay --control-rate "
               "--weather --failed"),
-    "list": "--json --plugin",
+    "list": "--json",
+    "calibrate": "--record --out --mass --share --seed --weather --json",
+    "new": "--kernel",
+    "export": "--to --out",
+    "completion": "--help",
     "equations": "--json",
     "plot": "--what --out",
     "view": ("--controller --settings --seed --offset --speed --port --wait --at --vehicle "
@@ -51,11 +71,15 @@ GOOD = {
     **dict.fromkeys(("run", "compare", "sweep", "view"), "good.toml"),
     **dict.fromkeys(("check", "datasheet"), "quadrotor_arm"),
     **{"plot": "r.npz", "equations": "12", "tune": "pid", "design": "fullam"},
+    **{"calibrate": "fullam", "new": "controller", "export": "good.npz", "completion": "bash"},
 }
 """What a verb can be given."""
 
 LAST = {
-    "tune": ["--budget", "1"],
+    "tune": ["--budget", "11", "--scenario", "good.toml", "--seeds", "0", "--jobs", "1"],
+    "calibrate": ["--duration", "5"],
+    "export": ["--to", "csv"],
+    "new": ["own_law.py"],
     "check": ["--samples", "3"],
     "sweep": ["--out", "sweep.parquet", "--runs", "1"],
     "view": ["--html", "view.html"],
@@ -65,7 +89,16 @@ LAST = {
 """What keeps a verb from working for minutes, or from waiting for somebody. It stands last, and so
 prevails; what was given before is read all the same."""
 
+FILES = {
+    "gains.toml": 'controller = "pid"\n[settings]\nposition_gains = [9.0, 9.0, 5.0]\n',
+    "bad.toml": 'controller = "pid"\n[settings]\nposition_gains = [9.0, "x"]\n',
+    "law.py": (TEMPLATES / "controller.py").read_text("utf-8").replace("my-law", "own-law"),
+    "bad.py": "import fullam\nraise ValueError('half a law')\n",
+}
+"""What stands beside the command: settings and plugins, good and bad."""
+
 WITHOUT_VALUE = {"--calm", "--json", "--tuned", "--no-gusts", "--overwrite", "--version", "--help"}
+WITHOUT_VALUE |= {"--kernel"}
 
 
 @st.composite
@@ -75,7 +108,8 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     line = [verb] if verb else []
     if verb in GOOD:
         line.append(draw(st.one_of(st.just(GOOD[verb]), st.sampled_from(WORDS))))
-    for option in draw(st.lists(st.sampled_from(OPTIONS[verb].split()), max_size=3)):
+    options = [*OPTIONS[verb].split(), *(["--plugin"] if verb else [])]
+    for option in draw(st.lists(st.sampled_from(options), max_size=3)):
         line.append(option)
         if option not in WITHOUT_VALUE:
             line.append(draw(st.sampled_from(WORDS)))
@@ -89,6 +123,9 @@ def attack_command(case: list[str]) -> None:
     work.mkdir()
     good = document({"name": "good", "duration": 0.05})
     (work / "good.toml").write_text(good, encoding="utf-8")
+    (work / "good.npz").write_bytes(whole_run().save(folder() / "good.npz").read_bytes())
+    for name, text in FILES.items():
+        (work / name).write_text(text, encoding="utf-8")
     with contextlib.chdir(work):
         code, out, err, seconds = run(case)
         if seconds > PATIENCE:  # it may have been the first to need something compiled
@@ -113,5 +150,9 @@ def run(case: list[str]) -> tuple[int, str, str, float]:
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore")
-        code = main(case)
+        try:
+            code = main(case)
+        finally:
+            while LOADED:
+                withdraw(LOADED.popitem()[1])
     return code, out.getvalue(), err.getvalue(), time.monotonic() - start

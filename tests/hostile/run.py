@@ -40,13 +40,8 @@ Row = tuple[str, str, int]
 
 def run_attack(attack: attacks.Attack, cases: int, number: int) -> Row:
     """Let many cases of one attack happen."""
-    outcomes: Counter[str] = Counter()
-    answered = attacks.answered
-
-    def counted(call: Any) -> Any:
-        result = answered(call)
-        outcomes["refused" if result is None else "accepted"] += 1
-        return result
+    outcomes = answers.OUTCOMES
+    outcomes.clear()
 
     @seed(number)
     @settings(
@@ -65,18 +60,16 @@ def run_attack(attack: attacks.Attack, cases: int, number: int) -> Row:
         except answers.Hang:
             outcomes["hangs"] += 1
             keep(attack.name, case)
-        except Exception:  # noqa: BLE001 - all of them are counted, the first ones shown
+        except Exception as error:  # noqa: BLE001 - all of them are counted, one of each is shown
             outcomes["failures"] += 1
-            keep(attack.name, case)
-            if outcomes["failures"] <= 3:
+            where = f"from {traceback.extract_tb(error.__traceback__)[-1]}"
+            outcomes[where] += 1
+            if outcomes[where] == 1:
+                keep(attack.name, case)
                 say(traceback.format_exc(limit=-4)[-1500:])
         outcomes["slowest"] = max(outcomes["slowest"], round(1e3 * (time.monotonic() - start)))
 
-    attacks.answered = counted
-    try:
-        happen()
-    finally:
-        attacks.answered = answered
+    happen()
     text = f"{outcomes['cases']} cases; slowest {outcomes['slowest'] / 1e3:.1f} s"
     if outcomes["refused"]:
         text += f"; {outcomes['refused']} refused, {outcomes['accepted']} accepted"

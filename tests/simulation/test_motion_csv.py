@@ -76,6 +76,7 @@ TEXTS = {
         "t,x,y,z,phi_deg,psi_deg,gamma_deg\n0,0,0,1,0,0,0\n1,0,0,1,0,0,180\n",
         r"line 3: attitude \[1\]: is turned by 180 deg",
     ),
+    "endless": (f"t,x,y,z\n0,0,0,{'1' * 200_000}\n1,0,0,1\n", r"line 2: cannot be read \(field la"),
     "empty": ("t,x,y,z\n", r"has 1 lines"),
     "far": ("t,x,y,z\n0,0,0,1\n1,0,1e9,1\n", r"line 3: positions\[1\]\[1\]: is 1e\+09"),
 }
@@ -154,6 +155,27 @@ def test_a_scenario_takes_its_motions_along_and_flies_again_without_the_files(tm
     np.testing.assert_allclose(np.degrees(run.arm[-1]), [-70, 0, -45, 0], atol=1e-9)
     # The plain law in calm air, along a motion from rest to rest.
     assert np.abs(run.pose[:, :3] - run.reference_pose[:, :3]).max() < 2e-3
+
+
+BOTH = "t,x,y,z,shoulder [deg],reach [m]\n0,0,0,1,0,0\n1,1,0,1,10,0.1\n2,1,0,2,20,0.1\n"
+
+
+def test_one_file_for_platform_and_arm_with_the_joints_own_names(tmp_path):
+    """The platform's reader leaves them to the arm's, which knows whether there are such joints."""
+    path = file(tmp_path, BOTH)
+    with pytest.raises(ScenarioError, match=r"'shoulder' is no column of the platform; .*with_arm"):
+        Trajectory.from_csv(path)
+    assert Trajectory.from_csv(path, with_arm=True).positions[2] == (1.0, 0.0, 2.0)
+    table = '{ kind = "csv", path = "motion.csv" }'
+    scenario = file(
+        tmp_path, f'name = "both"\nreference = {table}\narm_motion = {table}\n', "both.toml"
+    )
+    assert fullam.load_scenario(scenario).arm_motion.joints == ("shoulder", "reach")
+    alone = file(tmp_path, f'name = "alone"\nreference = {table}\n', "alone.toml")
+    with pytest.raises(ScenarioError, match="'shoulder' is no column"):
+        fullam.load_scenario(alone)
+    with pytest.raises(ScenarioError, match="shoulder"):  # the default vehicle has no such joint
+        fullam.simulate(str(scenario), calm=True)
 
 
 def test_a_missing_file_is_named_by_the_scenario_that_wants_it(tmp_path):

@@ -32,6 +32,19 @@ def not_finite(run):
     return Run(columns, run.metadata | {"outcome": "diverged"})
 
 
+def test_a_file_that_is_there_is_replaced_only_if_it_is_named(tmp_path, capsys):
+    """`inspect.npz` must not replace the CSV that the motion came from."""
+    run = fullam.simulate(fullam.Scenario("short", duration=0.1), calm=True)
+    record, csv = tmp_path / "inspect.npz", tmp_path / "inspect.csv"
+    run.save(record)
+    csv.write_text("mine")
+    line = ["export", str(record), "--to", "csv"]
+    assert main(line) == 2
+    assert "inspect.csv" in capsys.readouterr().err and csv.read_text() == "mine"
+    assert main([*line, "--out", str(csv)]) == 0
+    assert csv.read_text().startswith("t,pose_x")
+
+
 def test_a_table_has_every_number_of_the_record(run):
     table = columns_of(run)
     assert next(iter(table)) == "t"

@@ -1,7 +1,8 @@
 """The code in hand-written Markdown, and a way to run a page of it: `python code_blocks.py PAGE`.
 
 Python and `fullam` commands run in the order in which they stand, in one process and the folder at
-hand, as a reader would type them. A block that begins with `# NAME.py` or `# NAME.toml` is a file.
+hand, as a reader would type them. A block that begins with `# NAME.py`, `# NAME.toml`, `# NAME.csv`
+or `<!-- NAME.urdf -->` is a file.
 What a page cannot show within a test's time stands below a comment `<!-- not run: REASON -->`, and
 is read only.
 """
@@ -21,7 +22,7 @@ from fullam.cli import build_parser, main
 FENCE = re.compile(
     r"^(<!-- not run: [^>]+ -->\n+)?```([^\n`]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE
 )
-FILE = re.compile(r"# ([\w-]+\.(?:py|toml|csv))\n")
+FILE = re.compile(r"(?:# |<!-- )([\w-]+\.(?:py|toml|csv|urdf))(?: -->)?\n")
 """First line of a block that is a file."""
 
 NO_CODE = re.compile(r"\{[\w-]+\}.*|text")
@@ -59,8 +60,9 @@ def blocks(text: str) -> list[Block]:
     found = [Block(name, code, not mark) for mark, name, code in FENCE.findall(text)]
     found = [block for block in found if not NO_CODE.fullmatch(block.language)]
     for block in found:
-        if block.language not in ("python", "sh", "toml", "csv"):
-            raise ValueError(f"a block of '{block.language}': give python, sh, toml, csv or text")
+        if block.language not in ("python", "sh", "toml", "csv", "xml"):
+            known = "python, sh, toml, csv, xml or text"
+            raise ValueError(f"a block of '{block.language}': give {known}")
     return found
 
 
@@ -78,7 +80,7 @@ def run_page(text: str, where: str) -> None:
                 raise SystemExit(f"{where}: fullam {shlex.join(command)} did not end well")
         if block.language == "toml":
             tomllib.loads(block.code)
-        elif file := FILE.match(block.code):
+        if file := FILE.match(block.code):
             Path(file[1]).write_text(block.code, encoding="utf-8")
         elif block.language == "python":
             code = compile(block.code, where, "exec")

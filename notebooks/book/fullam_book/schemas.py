@@ -12,12 +12,14 @@ from fullam.model.design import VehicleDesign
 from fullam.model.loading import vehicle_path
 from fullam.model.perturbation import DEFAULT_PARAMETERS, PARAMETERS, Uncertainty
 from fullam.simulation import arm_motion, references, tool_task, world
+from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.payload import Payload
 from fullam.simulation.scenario import AXES, Scenario
 from fullam.simulation.sensor_errors import SensorErrors
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.shaping import Shaping
 from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.trajectory import Trajectory
 from fullam.simulation.weather import WEATHERS, Weather
 from fullam_book.tables import markdown, of_dataclass, of_keys, of_maker, summary
 
@@ -106,8 +108,8 @@ def scenario() -> str:
 A key that is not in these tables is refused, by name.
 
 {section("The file", f"The axes are {', '.join(AXES)}.", markdown(of_dataclass(Scenario)))}
-{kinds("reference", "reference", references.KINDS)}
-{kinds("arm_motion", "arm motion", arm_motion.KINDS)}
+{kinds("reference", "reference", references.KINDS | {"csv": Trajectory.from_csv})}
+{kinds("arm_motion", "arm motion", arm_motion.KINDS | {"csv": JointTrajectory.from_csv})}
 {section("`[weather]`", f"A name, one of {weathers}, or a table.", markdown(of_dataclass(Weather)))}
 {
         section(
