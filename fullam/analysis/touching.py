@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fullam.control.admittance import Admittance
 from fullam.control.controllers import CONTROLLERS
 from fullam.control.hybrid_force import HybridForce
 from fullam.simulation.run import Run
@@ -76,5 +77,6 @@ def contact_warning(run: Run) -> str | None:
         return None
     return (
         f"{run.controller} {found}; it holds its position against what it touches and winds up: "
-        f"{HybridForce.name} pushes with a force (--set force=3 --set normal=[1,0,0])"
+        f"{HybridForce.name} and {Admittance.name} push with a force (--set force=3 "
+        "--set normal=[1,0,0])"
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from fullam.checks import Checker, positive, shown
+from fullam.control.admittance import Admittance
 from fullam.control.backstepping import Backstepping
 from fullam.control.computed_wrench import ComputedWrench
 from fullam.control.controller import ALL_AXES, Controller
@@ -27,6 +28,7 @@ LAWS: tuple[type[Controller], ...] = (
     DcPid,
     DcPidPlus,
     HybridForce,
+    Admittance,
     Backstepping,
     ComputedWrench,
 )

@@ -2,4 +2,5 @@
 
 import fullam.simulation.catalogue  # the paper's scenarios are known by name
 import fullam.simulation.interaction  # and those that touch and carry things
-import fullam.simulation.peg_in_hole  # noqa: F401 - and the one in a scene of MuJoCo's
+import fullam.simulation.peg_in_hole  # and those in scenes of MuJoCo's
+import fullam.simulation.turn_valve  # noqa: F401

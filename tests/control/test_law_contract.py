@@ -23,9 +23,12 @@ PYTHON_LANES = (0, 3)
 """Lanes that Python flies too: a calm one and one far from its target."""
 
 PREVIOUS = {"compensation": "previous_wrench"}
+TOUCHING = {"engage_at": 0.5, "tare": 0.3, "release_at": 1.5}
 CASES: list[tuple[str, dict[str, Any]]] = [
     *((name, {}) for name in controller_names()),
     ("dc-pid", PREVIOUS),
+    ("hybrid-force", TOUCHING),
+    ("admittance", {**PREVIOUS, **TOUCHING, "stiffness": 40.0}),
     ("dc-pid-plus", {**PREVIOUS, "wrench_bounds": (4.0, 4.0, 25.0, 0.5, 0.5, 0.5)}),
 ]
 

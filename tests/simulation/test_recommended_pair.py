@@ -16,7 +16,7 @@ from fullam.control.law import KernelLaw
 from fullam.control.pid import Pid
 from fullam.simulation.refly import plan_of, refly
 
-OWN = {"dc-pid-plus": "kalman", "hybrid-force": "kalman"}
+OWN = {"dc-pid-plus": "kalman", "hybrid-force": "kalman", "admittance": "kalman"}
 
 
 @pytest.mark.parametrize("name", controller_names())

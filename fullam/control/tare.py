@@ -1,0 +1,181 @@
+"""What the laws that touch share: dc-PID+ with its observer held at a tare along a normal.
+
+Along the normal n of what is touched an observer that is cancelled would cancel the contact. A law
+that touches weighs first: the *tare* is the mean of what the observer sees along n just before the
+law engages, and from then on it cancels the tare along n, and all that is seen in other directions.
+What lies beyond the tare is the contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from fullam.checks import Checker
+from fullam.control.dc_pid_plus import DcPidPlus, DcPidPlusSettings, inform, start_beside
+from fullam.control.law import LawKernels
+from fullam.control.signals import Command, Estimate, Target
+from fullam.exceptions import SettingsError
+from fullam.numbers.kernel import Number, both, kernel, select
+from fullam.numbers.vectors import Vector
+
+Kernel = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class TouchingSettings(DcPidPlusSettings):
+    """Settings of a law that touches: those of dc-PID+, and where, when and how hard.
+
+    Attributes:
+        normal: Into what is touched, world axes, of any length.
+        force: f, wanted there [N].
+        engage_at: When the law begins to push [s]; before, it is dc-PID+, and takes its tare.
+        release_at: When it is dc-PID+ again [s].
+        tare: Over how long before engaging the tare is taken [s].
+    """
+
+    normal: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    force: float = 3.0
+    engage_at: float = 3.0
+    release_at: float = 1e6
+    tare: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the contact's numbers, then dc-PID+'s."""
+        super().__post_init__()
+        check = Checker(type(self).__name__, SettingsError)
+        object.__setattr__(self, "normal", check.vector("normal", self.normal, 3))
+        if not np.linalg.norm(self.normal) > 0.0:
+            raise self._wrong("normal", "say which way to push")
+        self._above_zero("tare")
+        if not self.tare <= self.engage_at <= self.release_at:
+            raise self._wrong("engage_at", "engage after the tare, and before the release")
+
+    def _above_zero(self, *names: str) -> None:
+        for field in names:
+            if not 0.0 < getattr(self, field) < np.inf:
+                raise self._wrong(field, "give a number above 0")
+
+    @property
+    def unit_normal(self) -> tuple[float, float, float]:
+        """The normal, of length 1."""
+        x, y, z = (np.array(self.normal) / np.linalg.norm(self.normal)).tolist()
+        return x, y, z
+
+
+class TareNumbers(NamedTuple):
+    """Unit normal; control periods of engaging, of the release and of the tare."""
+
+    normal: Vector
+    engage: Number
+    release: Number
+    periods: Number
+
+
+class TareMemory(NamedTuple):
+    """Control periods since take-off, and the tare so far [N]."""
+
+    elapsed: Number
+    value: Number
+
+
+def tare_numbers(settings: TouchingSettings, period: float) -> TareNumbers:
+    """When to weigh and to push, in control periods [s]."""
+    return TareNumbers(
+        settings.unit_normal,
+        float(round(settings.engage_at / period)),
+        float(round(settings.release_at / period)),
+        float(round(settings.tare / period)),
+    )
+
+
+@kernel
+def engaged(numbers, memory):
+    """Whether it is time to push."""
+    return both(memory.elapsed >= numbers.engage, memory.elapsed < numbers.release)
+
+
+@kernel
+def weighed(numbers, memory, along):
+    """The tare one period on, after the observer has seen a force `along` n."""
+    count = memory.elapsed - (numbers.engage - numbers.periods)
+    weighing = both(count >= 0.0, memory.elapsed < numbers.engage)
+    mean = memory.value + (along - memory.value) / select(weighing, count + 1.0, 1.0)
+    return TareMemory(memory.elapsed + 1.0, select(weighing, mean, memory.value))
+
+
+@cache
+def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) -> LawKernels:
+    """A law that touches around the kernels of dc-PID; as `dc_pid_plus.around`.
+
+    Args:
+        dc_pid: dc-PID's kernels.
+        Memory: What holds dc-PID's memory, what is beside it, and the contact's.
+        answer: Kernel that gives the command and these three; arguments as in `dc_pid_plus`.
+        untouched: Kernel that gives the contact's memory at the start.
+    """
+    start_nominal, command_nominal, delivered_nominal = dc_pid
+
+    @kernel
+    def start(numbers, chain, estimate):
+        nominal = start_nominal(numbers.plus.nominal, chain, estimate)
+        beside = start_beside(numbers.plus, chain, estimate)
+        return Memory(nominal, beside, untouched())
+
+    @kernel
+    def command(numbers, chain, estimate, target, memory):
+        command, nominal, beside, contact = answer(
+            command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
+        )
+        return command, Memory(nominal, beside, contact)
+
+    @kernel
+    def delivered(numbers, chain, estimate, memory, delivery):
+        plus = numbers.plus
+        nominal, beside = inform(delivered_nominal, plus, chain, estimate, memory, delivery)
+        return Memory(nominal, beside, memory.contact)
+
+    return LawKernels(start, command, delivered)
+
+
+class Touching(DcPidPlus):
+    """dc-PID+ that touches along one direction; subclasses say how.
+
+    Attributes:
+        memories: What holds the law's memory, with "exact" compensation and "previous_wrench".
+        touching: The kernels `answer` and `untouched`; see `around`.
+    """
+
+    touches = True
+    settings: TouchingSettings
+    memories: ClassVar[tuple[type, type]]
+    touching: ClassVar[tuple[Kernel, Kernel]]
+
+    @property
+    def Memory(self) -> type:  # type: ignore[override]
+        """What the law remembers."""
+        return self.memories[self.previous]
+
+    @property
+    def kernels(self) -> LawKernels:
+        """See `KernelLaw`."""
+        return around(super(DcPidPlus, self).kernels, self.Memory, *self.touching)
+
+    @property
+    def tare(self) -> float:
+        """What the observer saw along the normal before the law engaged [N]."""
+        return float(self._memory.contact.tare.value)
+
+    def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
+        def law(numbers: Any, _: Any, estimate: Any, target: Any, memory: Any) -> Any:
+            return self.nominal(numbers, chain.of_model, estimate, target, memory)
+
+        of_dc_pid, (answer, _) = super(DcPidPlus, self).kernels.delivered, self.touching
+        command, *memory = answer(
+            law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
+        )
+        return command, self.Memory(*memory)
