@@ -6,7 +6,7 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import unquote, urlparse
 
 import pytest
 from fullam_book import code_blocks, schemas
@@ -36,7 +36,9 @@ def test_a_notebook_runs_from_top_to_bottom(notebook):
     assert all(cell.execution_count for cell in cells)
     # A warning on stderr is something the reader would have to be told about.
     said = [out.text for cell in cells for out in cell.outputs if out.get("name") == "stderr"]
-    assert said == []
+    # That machine code is compiled is told once on each machine.
+    lines = [line for text in said for line in text.splitlines()]
+    assert [line for line in lines if not line.startswith("compiling ")] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
@@ -281,5 +283,6 @@ def test_a_still_opens_its_view(site, browser):
     show(browser, site / "notebooks" / "01_vehicle_and_equations.html")
     browser.evaluate("document.querySelector('button.view').click()")
     view = browser.evaluate("document.querySelector('iframe.view').src")
-    browser.open(view)  # waits until the scene stands
+    show(browser, Path(unquote(urlparse(view).path)))
+    assert browser.evaluate("document.querySelector('canvas, svg') !== null")
     assert browser.complaints == []

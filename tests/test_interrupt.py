@@ -59,7 +59,7 @@ def test_an_interrupt_is_one_line(tmp_path, later, jobs):
     process = start("sweep", "task-1", "--runs", 100_000, "--jobs", jobs, "--out", out)
     time.sleep(later)
     code, complaint = stop(process)
-    assert code == 130
+    assert code == 130, complaint
     lines = complaint.strip().splitlines()
     assert len(lines) == 1, complaint
     assert lines[0].startswith("fullam: interrupted")
@@ -107,6 +107,20 @@ def test_nobody_waits_for_what_a_thread_still_does(tmp_path):
     assert complaint.strip().splitlines()[-1] == "fullam: interrupted"
     # A period of the law, and what Python needs on a machine that is busy.
     assert time.monotonic() - begin < 10.0
+
+
+def test_the_exit_code_is_ours_wherever_it_falls(tmp_path):
+    # Python ends itself by the signal once one was raised in a string that was executed, although
+    # it was caught.
+    plugin = tmp_path / "executes.py"
+    plugin.write_text(
+        'exec("import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(5.0)")',
+        encoding="utf-8",
+    )
+    process = start("run", "position-1", "--plugin", plugin)
+    _, complaint = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert complaint.strip() == "fullam: interrupted"
 
 
 def test_elsewhere_an_interrupt_is_pythons_own():

@@ -168,11 +168,12 @@ def test_reproduce_judges_a_law_of_ones_own(law):
     from fullam.analysis import reproduce
 
     load_plugin(law)
-    entry = reproduce.entries(["sent-law"])[-1]
+    entry = reproduce.entries(own=["sent-law"])[-1]
     assert (entry.judged, entry.contender.label) == (True, "sent-law")
     claim, condition = reproduce.CLAIMS[0], reproduce.CONDITIONS[0]
     typed = reproduce.command(claim, entry, condition, 5)
     assert "--controllers sent-law" in typed
     assert typed.endswith("--plugin sent_law.py")
-    assert reproduce._typed(["sent-law"]) == ["--controllers sent-law", "--plugin sent_law.py"]
+    typed = reproduce._typed((entry,))
+    assert typed == " --controllers sent-law --plugin sent_law.py"
     assert fullam.controller_names()

@@ -28,6 +28,7 @@ from fullam.simulation.servo_motion import servo_stage
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare, simulate
 from fullam.viz.viewer.replay import Reel
+from fullam.viz.viewer.scene import VehicleScene
 
 DOWN, STRETCHED = (-90.0, 0.0, 0.0, 0.0), (0.0, 0.0, -90.0, 0.0)
 
@@ -332,7 +333,7 @@ def test_hands_move_the_servos_goals_and_the_flight_can_be_gone_back_to():
     again = refly(run)
     for name, column in run.columns.items():
         np.testing.assert_array_equal(again.columns[name], column, err_msg=name)
-    shown = Reel(run, run.vehicle).at(0.9)
+    shown = Reel(run, VehicleScene(run.vehicle, "servos")).at(0.9)
     np.testing.assert_array_equal(shown.arm, then[0])
 
 

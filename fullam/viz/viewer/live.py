@@ -251,14 +251,15 @@ class LiveFlight:
 
     def _stand(self, server: ViewerServer, pace: _Pace) -> None:
         """Nothing flies; somebody else may have flown on, and hands may want something."""
+        period = self.flight.period  # before it is drawn: it may go on meanwhile
         if self.transport.playing:  # it has come to its end
             self.transport.playing = False
             server.push(self.frame())
             server.tell(self.orders.status())
-        elif pace.shown != self.flight.period:
+        elif pace.shown != period:
             server.push(self.frame())  # none follows that would make up for a dropped one
             server.tell(self.orders.status())
-        pace.shown = self.flight.period
+        pace.shown = period
         pace.rebase()
         pace.sleep(IDLE)
 
