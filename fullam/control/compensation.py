@@ -6,6 +6,8 @@ Each gives `chain(motions)`, the vehicle with its arm in motion as it wants to s
     acceleration(chain, R, w, wrench, gravity)          platform acceleration under a wrench, (21)
 
 with everything in world axes at the origin of {A}: R the attitude, w the angular velocity.
+`carry(vehicle)` goes on with other bodies, in flight; the links that it was made with are then
+rewritten by whoever owns them.
 """
 
 from __future__ import annotations
@@ -42,6 +44,9 @@ class Recursion:
         """Keep the links."""
         self._links = links
         self.compensation, self.acceleration = compensation, platform_acceleration
+
+    def carry(self, vehicle: Vehicle) -> None:
+        """The links are all it knows."""
 
     def chain(self, motions: Sequence[JointMotion]) -> Chain:
         """Links, and joints placed."""
@@ -91,10 +96,13 @@ class JointOne(InMotion):
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own a workspace."""
         super().__init__(vehicle, links)
-        self._model, self._data = vehicle.model, vehicle.create_data()
-        self._multibody = Multibody(vehicle)
-        self._platform = self._model.inertias[1]
-        self._has_arm = self._model.njoints > 2
+        self._data, self._has_arm = vehicle.create_data(), vehicle.model.njoints > 2
+        self.carry(vehicle)
+
+    def carry(self, vehicle: Vehicle) -> None:
+        """Other bodies on the same joints."""
+        self._model, self._multibody = vehicle.model, Multibody(vehicle)
+        self._platform = vehicle.model.inertias[1]
 
     def compensation(
         self, chain: Chain, R: Any, w: Any, acceleration: Spatial, gravity: float
@@ -126,6 +134,10 @@ class NewtonEuler(InMotion):
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own the system."""
         super().__init__(vehicle, links)
+        self.carry(vehicle)
+
+    def carry(self, vehicle: Vehicle) -> None:
+        """A system of other bodies."""
         self._paper = PaperModel(vehicle)
 
     def compensation(

@@ -70,6 +70,7 @@ class KernelLaw(Controller):
     """
 
     Memory: type
+    carries = True
 
     def __init__(
         self,
@@ -133,6 +134,13 @@ class KernelLaw(Controller):
     def forget(self) -> None:
         """Begin anew at the next command."""
         self._memory = None
+
+    def carry(self, vehicle: Vehicle) -> None:
+        """Other links from now on; see `Controller.carry`.
+
+        `numbers` stay those of the vehicle without a load, as machine code has them.
+        """
+        self.links[:] = LinkRows.of(LinkChain.from_model(vehicle.model)).rows.to_list()
 
     # The face of a controller.
 

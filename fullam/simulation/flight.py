@@ -25,6 +25,7 @@ from fullam.numbers.records import flat, record
 from fullam.simulation.block import Block, in_order
 from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
+from fullam.simulation.payload import telling
 from fullam.simulation.plant_kind import PythonStage
 from fullam.simulation.run import Run
 from fullam.simulation.tables import Tables
@@ -76,7 +77,12 @@ class Flight:
             "command": (law.command, look(block.command_view(motions))),
             "inform": (law.inform, look(block.delivery)),
         }
-        return in_order(stages | block.plant.python_stages(look))
+        stages |= block.plant.python_stages(look)
+        if "expect" in stages:
+            frame = block.tables.link_rows.frames[-1]
+            tell = telling(stages["expect"][0], block.law, self.plan.nominal, frame)
+            stages["expect"] = tell, stages["expect"][1]
+        return in_order(stages)
 
     def ticks(self) -> Iterator[int]:
         """Fly; yields the number of each period once its row is written and it is flown."""

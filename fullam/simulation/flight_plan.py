@@ -26,6 +26,7 @@ from fullam.model.vehicle import Vehicle
 from fullam.registry import made
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
+from fullam.simulation.payload import check_known
 from fullam.simulation.plant_settings import plant_settings
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
@@ -96,7 +97,8 @@ class FlightPlan:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
                 memory or a motion of one's own more rows than fit into a record, its steps are too
-                long for the servos, or the seed is no whole number from 0 on.
+                long for the servos, the law cannot be told of a known payload, or the seed is no
+                whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
             SettingsError: The controller's settings hold what cannot be saved.
         """
@@ -106,6 +108,7 @@ class FlightPlan:
         simulation = simulation.with_estimator(recommended_estimator(controller))
         scenario = with_tool_solved(scenario, vehicle)
         scenario.check_plant(simulation.plant)
+        check_known(scenario.payloads, controller_class(controller))
         plant = plant_settings(simulation.plant, simulation.plant_settings)
         plant.check_step(vehicle, simulation.integrator, simulation.plant_period)
         period = simulation.control_period

@@ -12,9 +12,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from fullam.dynamics.link_rows import body_of
 from fullam.dynamics.recursion import JointMotion, Link
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
@@ -116,11 +116,8 @@ class Engine:
         if link == self._carried:
             return
         self._carried = link
-        inertia = np.zeros((3, 3))
-        inertia[np.triu_indices(3)] = link.inertia
-        inertia += np.triu(inertia, 1).T
-        own = pin.Inertia(link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T)
-        set_inertia(moving_bodies(self._spec, self._vehicle, PREFIX)[-1], own)
+        own = moving_bodies(self._spec, self._vehicle, PREFIX)[-1]
+        set_inertia(own, body_of(link, frame))
         self._compile()
 
     # The state.

@@ -72,7 +72,6 @@ class MujocoPlant(ServoPlant):
 
     def python_stages(self, look: Callable[[Any], Any]) -> dict[str, PythonStage]:
         """See `Plant`; by MuJoCo."""
-        self.nothing_expected()
         engine, plan, view = self.engine, self.around.tables.plan, look(self._mujoco_view())
         own = {name: (s.kernel, look(s.view)) for name, s in self._own_stages().items()}
         if self.loads is not None:

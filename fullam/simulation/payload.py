@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from fullam.checks import Checker, from_zero, positive, within
+from fullam.control.controller import Controller
+from fullam.dynamics.link_rows import body_of
 from fullam.dynamics.recursion import Link, shift_inertia
 from fullam.exceptions import ScenarioError
 from fullam.model.vehicle import Vehicle
@@ -16,6 +20,8 @@ from fullam.numbers.kernel import Number, both, kernel, select
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Symmetric, Vector, add_symmetric, axpy, scale, subtract
 from fullam.simulation.held_tool import held_tool
+
+Array = NDArray[np.float64]
 
 NEVER = 1e6
 """Later than any flight [s]."""
@@ -34,7 +40,8 @@ class Payload:
         offset: Its centre from the tool's point, axes of the arm's last link [m].
         radius: Of a ball of even density [m].
         known: Whether the law is told: its nominal vehicle then carries it, too, from the pick-up
-            to the drop.
+            to the drop, and so do the goals of the servos and the twin. A law whose model is a
+            constant, as the PID's, cannot be told, and refuses.
     """
 
     mass: float
@@ -161,3 +168,45 @@ def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> R
             )
         )
     return Rows.of(Load, rows)
+
+
+def check_known(payloads: Sequence[Payload], law: type[Controller]) -> None:
+    """Refuse a law that cannot be told of a load that is known.
+
+    Raises:
+        ScenarioError: There is one, and the law does not carry.
+    """
+    if any(body.known for body in payloads) and not law.carries:
+        raise ScenarioError(
+            f"controller '{law.name}'",
+            "payloads",
+            "has one that is known, and this law cannot be told in flight what it carries",
+            "fly another law (dc-pid, say), give known = false, or let a law of your own have "
+            "`carries = True` and the method `carry`",
+        )
+
+
+def telling(
+    expect: Callable[[Any, int], None], law: Controller, vehicle: Vehicle, frame: Array
+) -> Callable[[Any, int], None]:
+    """The stage `expect` that tells a law in Python as well.
+
+    Args:
+        expect: The stage, on a `LoadView`.
+        law: The law.
+        vehicle: The nominal vehicle, without loads.
+        frame: Turns the axes of the last row to the model's, shape (3, 3).
+    """
+    last: list[Link] = []
+
+    def expect_both(view: LoadView, k: int) -> None:
+        expect(view, k)
+        link = view.links[-1]
+        if [link] == last:
+            return
+        last[:] = [link]
+        model = pin.Model(vehicle.model)
+        model.inertias[model.njoints - 1] = body_of(link, frame)
+        law.carry(replace(vehicle, model=model))
+
+    return expect_both

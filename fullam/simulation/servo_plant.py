@@ -22,7 +22,6 @@ from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.placing import PlaceView
 from fullam.dynamics.recursion import Joint, JointMotion, Link
 from fullam.dynamics.servo import ServoNumbers
-from fullam.exceptions import ScenarioError
 from fullam.model.chain import LinkChain
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
@@ -121,7 +120,6 @@ class ServoPlant(Plant):
 
     def python_stages(self, look: Callable[[Any], Any]) -> dict[str, PythonStage]:
         """See `Plant`; by Pinocchio."""
-        self.nothing_expected()
         plan = self.around.tables.plan
         solve = PinocchioJoints(plan.true, plan.nominal.servos)
         move = servo_stage(plan.simulation.integrator, solve, self._contact)
@@ -130,20 +128,6 @@ class ServoPlant(Plant):
             frame = LinkRows.of(LinkChain.from_model(plan.nominal.model)).frames[-1]
             own["load"] = (carrying(solve, frame), own["load"][1])
         return own | {"move": (move, look(self._view()))}
-
-    def nothing_expected(self) -> None:
-        """Refuse loads that the law knows of, where it has other models than the kernels'.
-
-        Raises:
-            ScenarioError: There is one.
-        """
-        if self.expected is not None:
-            raise ScenarioError(
-                "driver 'python'",
-                "payloads",
-                "has one that is known, and only the kernels' laws can be told in flight",
-                "fly it with plant='servo' and driver='fused', or give known = false",
-            )
 
     def _own_stages(self) -> dict[str, Stage]:
         stages = {
