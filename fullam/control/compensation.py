@@ -6,8 +6,7 @@ Each gives `chain(motions)`, the vehicle with its arm in motion as it wants to s
     acceleration(chain, R, w, wrench, gravity)          platform acceleration under a wrench, (21)
 
 with everything in world axes at the origin of {A}: R the attitude, w the angular velocity.
-`carry(vehicle)` goes on with other bodies, in flight; the links that it was made with are then
-rewritten by whoever owns them.
+`carry(vehicle, links)` goes on with other bodies on the same joints, in flight.
 """
 
 from __future__ import annotations
@@ -45,8 +44,9 @@ class Recursion:
         self._links = links
         self.compensation, self.acceleration = compensation, platform_acceleration
 
-    def carry(self, vehicle: Vehicle) -> None:
-        """The links are all it knows."""
+    def carry(self, vehicle: Vehicle, links: list[Any]) -> None:
+        """Other bodies."""
+        self._links = links
 
     def chain(self, motions: Sequence[JointMotion]) -> Chain:
         """Links, and joints placed."""
@@ -97,10 +97,11 @@ class JointOne(InMotion):
         """Own a workspace."""
         super().__init__(vehicle, links)
         self._data, self._has_arm = vehicle.create_data(), vehicle.model.njoints > 2
-        self.carry(vehicle)
+        self.carry(vehicle, links)
 
-    def carry(self, vehicle: Vehicle) -> None:
-        """Other bodies on the same joints."""
+    def carry(self, vehicle: Vehicle, links: list[Any]) -> None:
+        """Other bodies."""
+        self._links = links
         self._model, self._multibody = vehicle.model, Multibody(vehicle)
         self._platform = vehicle.model.inertias[1]
 
@@ -134,10 +135,11 @@ class NewtonEuler(InMotion):
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own the system."""
         super().__init__(vehicle, links)
-        self.carry(vehicle)
+        self.carry(vehicle, links)
 
-    def carry(self, vehicle: Vehicle) -> None:
-        """A system of other bodies."""
+    def carry(self, vehicle: Vehicle, links: list[Any]) -> None:
+        """Other bodies."""
+        self._links = links
         self._paper = PaperModel(vehicle)
 
     def compensation(

@@ -235,7 +235,7 @@ class DcPid(PidBase):
     def carry(self, vehicle: Vehicle) -> None:
         """See `KernelLaw.carry`; the model goes along."""
         super().carry(vehicle)
-        self.model.carry(vehicle)
+        self.model.carry(vehicle, self.links)
 
     def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
         return self.nominal(self._numbers, chain, estimate, target, self._memory)

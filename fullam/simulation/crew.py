@@ -28,6 +28,7 @@ from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight import EstimateStage, Flight
 from fullam.simulation.flight_plan import FlightPlan, make_estimator
 from fullam.simulation.interventions import Intervention
+from fullam.simulation.payload import check_known
 from fullam.simulation.stages import sense, sense_all
 from fullam.simulation.trimmed import trim_of
 from fullam.simulation.weather import Weather, forecast
@@ -179,6 +180,7 @@ class CrewChange:
         plan = self._plan
         assert chosen is not None
         name = chosen.values["name"]
+        check_known(plan.scenario.payloads, controller_class(name))
         settings = make_settings(name, chosen.values["settings"])
         step, axes = plan.simulation.control_period, plan.scenario.axes_mask
         anticipated = plan.anticipation is not None

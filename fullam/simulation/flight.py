@@ -25,7 +25,7 @@ from fullam.numbers.records import flat, record
 from fullam.simulation.block import Block, in_order
 from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
-from fullam.simulation.payload import telling
+from fullam.simulation.payload import Telling
 from fullam.simulation.plant_kind import PythonStage
 from fullam.simulation.run import Run
 from fullam.simulation.tables import Tables
@@ -79,9 +79,10 @@ class Flight:
         }
         stages |= block.plant.python_stages(look)
         if "expect" in stages:
+            expect, view = stages["expect"]
             frame = block.tables.link_rows.frames[-1]
-            tell = telling(stages["expect"][0], block.law, self.plan.nominal, frame)
-            stages["expect"] = tell, stages["expect"][1]
+            told = Telling(expect, lambda: self.controller, self.plan.nominal, frame)
+            stages["expect"] = told, view
         return in_order(stages)
 
     def ticks(self) -> Iterator[int]:

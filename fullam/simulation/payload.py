@@ -186,27 +186,39 @@ def check_known(payloads: Sequence[Payload], law: type[Controller]) -> None:
         )
 
 
-def telling(
-    expect: Callable[[Any, int], None], law: Controller, vehicle: Vehicle, frame: Array
-) -> Callable[[Any, int], None]:
-    """The stage `expect` that tells a law in Python as well.
+class Telling:
+    """The stage `expect` that tells a law in Python as well, wherever what it knows of changes.
 
-    Args:
-        expect: The stage, on a `LoadView`.
-        law: The law.
-        vehicle: The nominal vehicle, without loads.
-        frame: Turns the axes of the last row to the model's, shape (3, 3).
+    Another law, and a flight that goes back to a moment, are told anew.
     """
-    last: list[Link] = []
 
-    def expect_both(view: LoadView, k: int) -> None:
-        expect(view, k)
-        link = view.links[-1]
-        if [link] == last:
-            return
-        last[:] = [link]
-        model = pin.Model(vehicle.model)
-        model.inertias[model.njoints - 1] = body_of(link, frame)
-        law.carry(replace(vehicle, model=model))
+    def __init__(
+        self,
+        expect: Callable[[Any, int], None],
+        law: Callable[[], Controller],
+        vehicle: Vehicle,
+        frame: Array,
+    ) -> None:
+        """Nobody is told yet.
 
-    return expect_both
+        Args:
+            expect: The stage, on a `LoadView`.
+            law: Says which law flies.
+            vehicle: The nominal vehicle, without loads.
+            frame: Turns the axes of the last row to the model's, shape (3, 3).
+        """
+        self._expect, self._law, self._vehicle, self._frame = expect, law, vehicle, frame
+        self._told: tuple[Controller, Link] | None = None
+        self._next = 0
+
+    def __call__(self, view: LoadView, k: int) -> None:
+        """See `stages`."""
+        self._expect(view, k)
+        law, link = self._law(), view.links[-1]
+        is_told = self._told is not None and self._told[0] is law and self._told[1] == link
+        if not (is_told and k == self._next):
+            model = pin.Model(self._vehicle.model)
+            model.inertias[model.njoints - 1] = body_of(link, self._frame)
+            law.carry(replace(self._vehicle, model=model))
+            self._told = law, link
+        self._next = k + 1

@@ -12,6 +12,7 @@ from fullam.dynamics.link_rows import LinkRows
 from fullam.exceptions import ScenarioError
 from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
+from fullam.simulation.interactive import InteractiveFlight
 from fullam.simulation.many import fly_many
 from fullam.simulation.payload import LoadView, Payload, load, load_rows
 from fullam.simulation.references import Step
@@ -207,6 +208,30 @@ def test_a_law_whose_model_is_a_constant_refuses_what_is_known():
     for driver in ("python", "fused"):
         with pytest.raises(ScenarioError, match="known = false"):
             simulate(KNOWN, "pid", driver=driver)
+
+
+@pytest.mark.parametrize("model", ["pinocchio", "recursion"])
+def test_going_back_and_another_law_are_told_anew(model):
+    settings = {"model": model}
+    flight = InteractiveFlight(prepare(KNOWN, "dc-pid", settings=settings))
+    while flight.step():
+        pass
+    there = flight.record.pose
+    np.testing.assert_allclose(
+        there, simulate(KNOWN, "dc-pid", settings=settings).pose, rtol=0.0, atol=1e-12
+    )
+    flight.rewind(0.4)  # something hangs there, which is dropped at 0.8 s
+    while flight.step():
+        pass
+    np.testing.assert_array_equal(flight.record.pose, there)
+    flight.rewind(0.4)
+    with pytest.raises(ScenarioError, match="known = false"):
+        flight.do("controller", {"name": "pid"})
+    flight.do("controller", {"name": "computed-wrench"})
+    flight.step()
+    flight.step()
+    lift = flight.row(40)["command"][2]
+    assert lift == pytest.approx((flight.plan.nominal.mass + 0.2) * 9.81, rel=0.02)  # it knows
 
 
 def test_it_survives_a_file_and_nonsense_does_not():
