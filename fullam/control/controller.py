@@ -99,6 +99,8 @@ class Controller(ABC):
         estimator: Name of the estimator that it is made for: flown unless another one is asked for.
         touches: Whether it knows that its vehicle may touch things.
         carries: Whether it can be told in flight what its vehicle carries; see `carry`.
+        learns: Whether a load that is learned in flight can be handed over to it; see
+            `fullam.control.law`.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
         attitude: R_WA of the measurement of the last tick, shape (3, 3), for whoever turns the
@@ -111,6 +113,7 @@ class Controller(ABC):
     estimator: ClassVar[str] = "first-order"
     touches: ClassVar[bool] = False
     carries: ClassVar[bool] = False
+    learns: ClassVar[bool] = False
     attitude: Array | None = None
 
     def __init__(

@@ -61,6 +61,7 @@ from fullam.control.wrench_observer import (
     nothing_observed,
     observed,
     observer_numbers,
+    rebased,
 )
 from fullam.dynamics.recursion import JointMotion
 from fullam.dynamics.so3 import rotation_matrix
@@ -276,7 +277,7 @@ def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
         dc_pid: dc-PID's kernels.
         Memory: `PlusMemory` or `PlusPreviousMemory`, whichever holds dc-PID's memory.
     """
-    start_nominal, command_nominal, delivered_nominal = dc_pid
+    start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):
@@ -295,7 +296,13 @@ def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
         nominal, beside = inform(delivered_nominal, numbers, chain, estimate, memory, delivery)
         return Memory(nominal, beside)
 
-    return LawKernels(start, command, delivered)
+    @kernel
+    def taken_over(numbers, chain, estimate, memory, weight):
+        b = memory.beside
+        observer = rebased(chain, estimate, b.observer, weight)
+        return Memory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
+
+    return LawKernels(start, command, delivered, taken_over)
 
 
 class BothChains(NamedTuple):
@@ -312,6 +319,7 @@ class DcPidPlus(DcPid):
     name = "dc-pid-plus"
     Settings = DcPidPlusSettings
     estimator = "kalman"
+    learns = True
     settings: DcPidPlusSettings
 
     @property

@@ -20,7 +20,13 @@ with
     memory      a NamedTuple of the law's own
 
 `start` is called before the first period, `command` every period, `delivered` only where bounds of
-the rotors kept a command from being delivered. A kernel has no branch on data (both sides are
+the rotors kept a command from being delivered. A law that `learns` has a fourth,
+
+    taken_over(numbers, chain, estimate, memory, weight) -> memory
+
+called after a period in which the chain took over a part of what hangs at the tool, whose `weight`
+(a wrench at the origin of {A}, world axes) its memory holds for a disturbance; see
+`fullam.control.payload_observer`. A kernel has no branch on data (both sides are
 computed and `select` takes one), no strings or objects inside, and its constants are numbers;
 `fullam.numbers` says more, and `fullam new controller my_law.py --kernel` writes a law that flies.
 """
@@ -52,11 +58,12 @@ Function = Callable[..., Any]
 
 
 class LawKernels(NamedTuple):
-    """The three kernels of a law; see the module's first lines."""
+    """The kernels of a law; see the module's first lines."""
 
     start: Function
     command: Function
     delivered: Function
+    taken_over: Function | None = None
 
 
 class KernelLaw(Controller):
@@ -130,6 +137,11 @@ class KernelLaw(Controller):
         self._memory = self.kernels.delivered(
             self._numbers, self._chain, self._estimate, self._memory, delivery
         )
+
+    def take_over(self, chain: Any, estimate: Estimate, weight: Spatial) -> None:
+        """Learn that the chain carries from now on what was a disturbance; see the module."""
+        assert self.kernels.taken_over is not None
+        self._memory = self.kernels.taken_over(self._numbers, chain, estimate, self._memory, weight)
 
     def forget(self) -> None:
         """Begin anew at the next command."""
@@ -255,6 +267,18 @@ class InformView(NamedTuple):
     delivery: Any
 
 
+class TakeOverView(NamedTuple):
+    """What the stage that hands a load over is shown; `weight` is one row of what is new."""
+
+    numbers: Any
+    links: Any
+    joints: Any
+    joint_rows: Any
+    estimate: Any
+    memory: Any
+    weight: Any
+
+
 @kernel
 def chain_at(view, k):
     """The nominal chain in period k."""
@@ -292,3 +316,18 @@ def inform_stage(kernels: LawKernels) -> Function:
             view.memory[0] = select(saturated, after, memory)
 
     return inform_law
+
+
+@cache
+def take_over_stage(kernels: LawKernels) -> Function:
+    """The stage that hands the law a part of what was learned to hang at the tool."""
+    taken_over = kernels.taken_over
+    assert taken_over is not None, "the law learns"
+
+    @kernel
+    def take_over(view, k):
+        view.memory[0] = taken_over(
+            view.numbers[0], chain_at(view, k), view.estimate[0], view.memory[0], view.weight[0]
+        )
+
+    return take_over

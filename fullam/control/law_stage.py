@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fullam.checks import shown
 from fullam.control.controller import Controller, Measurement, ReferencePoint
-from fullam.control.law import KernelLaw, flies_as_kernels
+from fullam.control.law import KernelLaw, chain_at, flies_as_kernels
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial, rotate_spatial_back
@@ -79,6 +79,11 @@ class LawStage:
             self._law.inform(delivery)
         else:
             self._law.delivered(*(np.array(flat(part)) for part in delivery[:2]))
+
+    def take_over(self, view: Any, k: int) -> None:
+        """Hand over a part of what was learned, given a `TakeOverView`."""
+        assert isinstance(self._law, KernelLaw)
+        self._law.take_over(chain_at(view, k), view.estimate[0], view.weight[0])
 
     def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
         """Estimate, target and motion of the arm as the arrays of a `Controller`."""

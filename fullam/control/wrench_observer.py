@@ -150,6 +150,24 @@ def asked(memory, wrench_A):
     return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual, m.mass)
 
 
+@kernel
+def rebased(chain, estimate, memory, weight):
+    """The observer of a model that carries from now on what hung there unknown.
+
+    Its weight is no longer unexplained, and the momentum is the new model's.
+
+    Args:
+        chain: The vehicle with the load.
+        estimate: The one that the observer was told last.
+        memory: `ObserverMemory`.
+        weight: Gravity's wrench on what is new in the model, world axes, at the origin of {A}.
+    """
+    R, m = rotation_matrix(estimate.pose.attitude), memory
+    h, c = momentum_about_center(chain, R, estimate.velocity)
+    d = subtract_spatial(m.wrench, weight)
+    return ObserverMemory(d, h, c, m.attitude, m.command, m.actual, mass_of(chain))
+
+
 def observer_numbers(
     vehicle: Vehicle, period: float, rates: tuple[float, float], lag: float
 ) -> ObserverNumbers:

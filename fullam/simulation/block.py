@@ -27,11 +27,13 @@ from fullam.control.law import (
     CommandView,
     InformView,
     KernelLaw,
+    TakeOverView,
     command_stage,
     inform_stage,
     kernel_law,
     not_fused,
     numbers_of,
+    take_over_stage,
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status, Target
 from fullam.dynamics.spatial import Pose, Spatial
@@ -113,6 +115,7 @@ class Block:
                 kept,
                 self.state,
                 self.estimate,
+                self.delivery,
                 self.drawn,
                 self.speeds,
                 self.commands,
@@ -172,6 +175,8 @@ class Block:
             "command": Stage(command_stage(law.kernels), self.command_view(joints)),
             "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
         }
+        if self.plant.learner is not None:
+            own["take over"] = Stage(take_over_stage(law.kernels), self.take_over_view())
         return in_order(self.common_stages() | own | self.plant.stages())
 
     def common_stages(self) -> dict[str, Stage]:
@@ -248,6 +253,20 @@ class Block:
             self.estimate,
             self.law_memory,
             self.delivery,
+        )
+
+    def take_over_view(self) -> TakeOverView:
+        """What the stage is shown that hands the law what was learned."""
+        seen, learner = self.plant.seen, self.plant.learner
+        assert learner is not None
+        return TakeOverView(
+            self._law_numbers,
+            seen.links,
+            seen.joints,
+            seen.rows,
+            self.estimate,
+            self.law_memory,
+            learner.weight,
         )
 
     def record_view(self) -> RecordView:

@@ -78,6 +78,8 @@ class Flight:
             "inform": (law.inform, look(block.delivery)),
         }
         stages |= block.plant.python_stages(look)
+        if "learn" in stages:
+            stages["take over"] = law.take_over, look(block.take_over_view())
         if "expect" in stages:
             expect, view = stages["expect"]
             frame = block.tables.link_rows.frames[-1]

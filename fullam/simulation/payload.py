@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,15 +119,14 @@ def load(view, k):
     mass, first = link.mass, scale(link.mass, link.com)
     for i in range(len(view.loads)):
         body = view.loads[i]
-        m = carried(body, k)
+        m = is_held(body, k) * body.mass
         mass, first = mass + m, axpy(m, body.center, first)
     center = scale(1.0 / mass, first)
     inertia = shift_inertia(link.inertia, link.mass, subtract(link.com, center))
     for i in range(len(view.loads)):
         body = view.loads[i]
-        m = carried(body, k)
+        share = is_held(body, k)
         own = shift_inertia(body.inertia, body.mass, subtract(body.center, center))
-        share = m / body.mass
         inertia = add_symmetric(
             inertia,
             (
@@ -142,9 +142,9 @@ def load(view, k):
 
 
 @kernel
-def carried(body, k):
-    """The mass of a load in period k: its own, or none."""
-    return select(both(body.begin <= k, k < body.end), body.mass, 0.0)
+def is_held(body, k):
+    """1 if a load is there in period k, else 0."""
+    return select(both(body.begin <= k, k < body.end), 1.0, 0.0)
 
 
 def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> Rows:
@@ -170,20 +170,46 @@ def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> R
     return Rows.of(Load, rows)
 
 
-def check_known(payloads: Sequence[Payload], law: type[Controller]) -> None:
-    """Refuse a law that cannot be told of a load that is known.
+def check_told(payloads: Sequence[Payload], law: type[Controller], learned: bool) -> None:
+    """Refuse a law that cannot be told of loads that it is to know, or to learn.
+
+    Args:
+        payloads: All of them.
+        law: The law.
+        learned: Whether those that are unknown are learned in flight.
 
     Raises:
-        ScenarioError: There is one, and the law does not carry.
+        ScenarioError: There are such loads, and the law does not carry, or does not learn; or two
+            are to be learned that hang together.
     """
+    where = f"controller '{law.name}'"
     if any(body.known for body in payloads) and not law.carries:
         raise ScenarioError(
-            f"controller '{law.name}'",
+            where,
             "payloads",
             "has one that is known, and this law cannot be told in flight what it carries",
             "fly another law (dc-pid, say), give known = false, or let a law of your own have "
             "`carries = True` and the method `carry`",
         )
+    unknown = sorted(
+        (body for body in payloads if learned and not body.known), key=lambda b: b.picked_up
+    )
+    if unknown and not law.learns:
+        raise ScenarioError(
+            where,
+            "payload",
+            "is 'learned', and this law cannot take over what is learned in flight",
+            "fly dc-pid-plus, or leave payload = 'unknown'",
+        )
+    for first, then in pairwise(unknown):
+        if then.picked_up < first.dropped:
+            raise ScenarioError(
+                "plant_settings",
+                "payload",
+                f"is 'learned', and what is picked up at {then.picked_up:g} s hangs together with "
+                f"another unknown body",
+                "drop one before the next, or leave payload = 'unknown'",
+            )
 
 
 class Telling:

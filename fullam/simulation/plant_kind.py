@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.simulation.draws import Drawn
+from fullam.simulation.payload_learning import Learner
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
@@ -28,8 +29,8 @@ class Surroundings(NamedTuple):
     """The rows of a block that its plant reads and writes.
 
     What the flights share; lanes; rows of the record that are kept, 0 for none; the platform (one
-    row of `plant.State`, to be written); the estimate; weather and true vehicle; true rotor speeds
-    (to be written) and those commanded.
+    row of `plant.State`, to be written); the estimate; what the rotors were asked for; weather and
+    true vehicle; true rotor speeds (to be written) and those commanded.
     """
 
     tables: Tables
@@ -37,6 +38,7 @@ class Surroundings(NamedTuple):
     kept: int
     state: Rows
     estimate: Rows
+    delivery: Rows
     drawn: Drawn
     speeds: Rows
     commands: Rows
@@ -65,12 +67,14 @@ class Plant(ABC):
         around: The block's rows.
         seen: The arm as the controller sees it.
         arm: The true motion of the joints, rows of `JointMotion`; None if it is `seen.motions`.
+        learner: Learns what hangs at the tool, in the stage "learn"; None if nothing is learned.
         touches: The force of the world on the tool, a row a period; None where nothing is touched.
     """
 
     name: ClassVar[str]
     seen: SeenArm
     arm: Rows | None = None
+    learner: Learner | None = None
     touches: Rows | None = None
 
     def __init__(self, around: Surroundings) -> None:

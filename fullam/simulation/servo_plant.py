@@ -28,6 +28,7 @@ from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
 from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
 from fullam.simulation.payload import LoadView, load, load_rows
+from fullam.simulation.payload_learning import Learner, LoadLearnView, learn_load
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -55,6 +56,7 @@ class ServoPlant(Plant):
         world: What the tool may touch, `contact.World`; None if there is nothing.
         loads: What the tool carries and when, `Load` rows; None if it never carries anything.
         expected: Those of `loads` that the law knows of; None if there are none.
+        learner: Learns the others, if they are to be learned.
         links: The true links, with what is carried.
         touches: See `Plant`; kept with the record.
     """
@@ -90,6 +92,12 @@ class ServoPlant(Plant):
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
         known = [body for body in payloads if body.known]
         self.expected = load_rows(plan.nominal, known, period) if known else None
+        unknown = [body for body in payloads if not body.known]
+        self.learner: Learner | None = None
+        if settings.payload == "learned" and unknown:
+            gripped = load_rows(plan.nominal, unknown, period)
+            self.learner = Learner(plan.nominal, period, around.lanes, self.expected, gripped)
+            self.expected = self.learner.loads
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             own,
@@ -110,6 +118,8 @@ class ServoPlant(Plant):
         self._memory.array[:, 1:] = 0.0
         for rows in (self._slopes, self._sums, self.goals, self.seen.motions):
             rows.array[:] = 0.0
+        if self.learner is not None:
+            self.learner.begin()
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""
@@ -138,8 +148,9 @@ class ServoPlant(Plant):
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
         if self.expected is not None:
-            told = LoadView(self.seen.links, self._nominal, self.expected)
-            stages["expect"] = Stage(load, told)
+            stages["expect"] = Stage(load, self._told())
+        if self.learner is not None:
+            stages["learn"] = Stage(learn_load, self._learn_view(self.learner))
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
@@ -154,6 +165,22 @@ class ServoPlant(Plant):
                 )
                 stages["record touch"] = Stage(record_touch, touched)
         return stages
+
+    def _told(self) -> LoadView:
+        return LoadView(self.seen.links, self._nominal, self.expected)
+
+    def _learn_view(self, learner: Learner) -> LoadLearnView:
+        a, seen = self.around, self.seen
+        return learner.view(
+            self._told(),
+            links=seen.links,
+            joints=seen.joints,
+            motions=seen.motions,
+            joint_rows=seen.rows,
+            estimate=a.estimate,
+            ahead=a.tables.ahead,
+            delivery=a.delivery,
+        )
 
     def _goal_view(self) -> GoalView:
         t = self.around.tables
@@ -230,7 +257,8 @@ class ServoPlant(Plant):
 
     def remembered(self) -> Sequence[Rows]:
         """See `Plant`."""
-        return self.arm, self._memory, self.goals
+        learned = () if self.learner is None else self.learner.remembered()
+        return self.arm, self._memory, self.goals, *learned
 
     def steered_by(self, arm: Any, centers: Any, rows: Any) -> dict[str, dict[str, Any]]:
         """See `Plant`: the hand moves what the servos are asked."""

@@ -13,13 +13,15 @@ A flight is a list of stages, called in turn in every control period:
     command   which wrench does the law want?                        `fullam.control.law`
     allocate  which rotor speeds give it?                            `fullam.control.delivery`
     inform    tell the law what it did not get                       `fullam.control.law`
+    learn     what hangs at the tool, and what of it to hand over?   `payload_learning`
+    take over  hand the law its weight                               `fullam.control.law`
     record    write the row of the period                            here
     record arm    write its joints' part                             `servo_motion`
     load      what does its tool carry?                              `payload`
     record touch  write what the world does to its tool              `contact`
     move      fly the period                          `plant`, `servo_motion`, `mujoco_plant`
 
-Six of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
+Eight of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
 done.
 
 Each is a kernel f(view, k) on a view of its own, so Python, machine code and lanes fly the same.
@@ -45,11 +47,14 @@ from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
     *("watch", "sense", "estimate", "foresee", "govern", "expect", "steer", "encode"),
-    *("command", "allocate", "inform", "record", "record arm", "load", "record touch", "move"),
+    *("command", "allocate", "inform", "learn", "take over", "record", "record arm", "load"),
+    *("record touch", "move"),
 )
 """The stages, as a control period calls them."""
 
-OF_SERVOS = ("expect", "steer", "encode", "record arm", "load", "record touch")
+OF_SERVOS = (
+    *("expect", "steer", "encode", "learn", "take over", "record arm", "load", "record touch"),
+)
 """Those that a flight with prescribed joints does without."""
 
 

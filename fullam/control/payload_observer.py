@@ -1,0 +1,349 @@
+"""What hangs at the tool, learned in flight: mass and first moment, by a Kalman filter.
+
+A body of mass m at c from the tool's point, axes of the arm's last link, has the first moment
+s = m c there, and pulls at the origin of {A} with
+
+    f = m g,    tau = L x g,    L = m r + R s,
+
+r the way from {A} to the tool's point, R the attitude of the last link. What the momentum observer
+(`wrench_observer`) does not explain, d, less its mean b before the gripper closed (the tare), tells
+m and the horizontal part of L: three rows for four unknowns. The state (m, s) is a random walk; a
+prior holds s within `reach` of m, and so what links of one attitude leave open. Gusts do not
+average out from period to period; their variance is measured with the tare, and taken times
+their correlation.
+
+Nothing is told while the platform accelerates or something turns, or did within the observer's lag:
+the estimate is then frozen. It goes over to the law's model little by little, and with each share
+of it the observers are shifted by its weight (`wrench_observer.rebased`): what was cancelled as a
+disturbance is now carried as a part of the arm, and the command does not jump.
+
+The gripper tells when it closes and opens; what it holds then is gone from the model at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from fullam.control.caution import Halves
+from fullam.control.wrench_observer import (
+    ObserverMemory,
+    ObserverNumbers,
+    asked,
+    nothing_observed,
+    observed,
+    rebased,
+)
+from fullam.dynamics.recursion import Chain
+from fullam.dynamics.so3 import boxplus, rotation_matrix
+from fullam.dynamics.spatial import Spatial, add_spatial, rotate_spatial_back
+from fullam.numbers.kernel import (
+    Number,
+    absolute,
+    both,
+    either,
+    kernel,
+    maximum,
+    minimum,
+    select,
+)
+from fullam.numbers.vectors import (
+    IDENTITY,
+    ZERO,
+    Vector,
+    add,
+    axpy,
+    dot,
+    multiply,
+    rotate,
+    scale,
+    subtract,
+)
+
+LIGHTEST = 1e-3
+"""For the prior of the first moment, which goes with the mass [kg]."""
+
+
+class LearnNumbers(NamedTuple):
+    """How a load is learned.
+
+    The observer; the tool's point, axes of the last row; gravity; standard deviations of a mass
+    and, per mass, of its centre before anything is known; a period's share in the variance of a
+    row by which m and s walk; periods over which gusts are one; least variances of a row, of m and
+    of L. Share of a new value in the filters of what moves; bounds of acceleration and of rates;
+    periods that a filter remembers; periods of the tare at most, and those to be told before
+    anything is handed over; share of what is left that is handed over in a period.
+    """
+
+    observer: ObserverNumbers
+    tool: Vector
+    gravity: Number
+    heaviest: Number
+    reach: Number
+    walk: Number
+    correlation: Number
+    floor: Vector
+    share: Number
+    acceleration: Number
+    turning: Number
+    lag: Number
+    tare: Number
+    enough: Number
+    over: Number
+
+
+class Held(NamedTuple):
+    """What hangs there: mass, and first moment about the joint of the last link, in its axes."""
+
+    mass: Number
+    moment: Vector
+
+
+class Moving(NamedTuple):
+    """How much moves: velocity of {A}, its change filtered once and twice, its turning filtered.
+
+    World axes; and the periods since something was fast.
+    """
+
+    velocity: Vector
+    once: Vector
+    twice: Vector
+    turning: Vector
+    quiet: Number
+
+
+class Tare(NamedTuple):
+    """Mean and variance of (m, L_x, L_y) with an open gripper, and periods in them."""
+
+    mean: Vector
+    variance: Vector
+    weighed: Number
+
+
+class LearnMemory(NamedTuple):
+    """What is remembered of a load.
+
+    The observer; what moves; the tare; 1 while the gripper is closed, periods since it moved, and
+    how many of them told of what it holds; what is handed over.
+    """
+
+    observer: ObserverMemory
+    moving: Moving
+    tare: Tare
+    closed: Number
+    since: Number
+    told: Number
+    handed: Held
+
+
+class LearnView(NamedTuple):
+    """What `learn` is shown.
+
+    One row of `LearnNumbers`; the law's links; joints and their motions, and rows of them in a
+    period; the estimate; what it turns on until the rotors follow; what was delivered; 1 while the
+    gripper is closed. Rewritten are the memory, (m, s) and its covariance (four rows). Written are
+    what is handed over from now on, and the weight that is new in it.
+    """
+
+    numbers: Any
+    links: Any
+    joints: Any
+    motions: Any
+    joint_rows: Any
+    estimate: Any
+    ahead: Any
+    delivery: Any
+    closed: Any
+    memory: Any
+    state: Any
+    covariance: Any
+    held: Any
+    weight: Any
+
+
+@kernel
+def last_link(joints):
+    """Attitude of the last link, and where its joint is from the origin of {A}, {A} axes."""
+    R, p = IDENTITY, ZERO
+    for i in range(len(joints)):
+        R, p = joints[i].rotation, add(p, joints[i].step)
+    return R, p
+
+
+@kernel
+def weight_of(held, joints, R, gravity):
+    """Wrench of gravity on what is held, at the origin of {A}, world axes.
+
+    Args:
+        held: `Held`.
+        joints: Of the arm.
+        R: Attitude of {A}.
+        gravity: Along -z [m/s^2].
+    """
+    turn, place = last_link(joints)
+    lever = rotate(R, axpy(held.mass, place, rotate(turn, held.moment)))
+    return Spatial((0.0, 0.0, -gravity * held.mass), (-gravity * lever[1], gravity * lever[0], 0.0))
+
+
+@kernel
+def moved(numbers, estimate, motions, memory):
+    """`Moving` one period on."""
+    a, velocity = numbers.share, estimate.velocity
+    change = scale(1.0 / numbers.observer.period, subtract(velocity.linear, memory.velocity))
+    once = axpy(a, subtract(change, memory.once), memory.once)
+    twice = axpy(a, subtract(once, memory.twice), memory.twice)
+    turning = axpy(a, subtract(velocity.angular, memory.turning), memory.turning)
+    fast = dot(twice, twice) > numbers.acceleration * numbers.acceleration
+    fast = either(fast, dot(turning, turning) > numbers.turning * numbers.turning)
+    for i in range(len(motions)):
+        fast = either(fast, absolute(motions[i].rate) > numbers.turning)
+    quiet = select(fast, 0.0, memory.quiet + 1.0)
+    return Moving(velocity.linear, once, twice, turning, quiet)
+
+
+@kernel
+def weighed(numbers, tare, read, weighing):
+    """The tare one period on."""
+    count = minimum(tare.weighed + 1.0, numbers.tare)
+    gap = subtract(read, tare.mean)
+    mean = axpy(1.0 / count, gap, tare.mean)
+    spread = multiply(gap, subtract(read, mean))
+    variance = axpy(1.0 / count, subtract(spread, tare.variance), tare.variance)
+    return select(weighing, Tare(mean, variance, count), tare)
+
+
+@kernel
+def begun(numbers, x, P, mass, fresh):
+    """Nothing known, where it is fresh: (m, s) and its covariance as before anything was told."""
+    m, s = numbers.heaviest, numbers.reach * maximum(absolute(mass), LIGHTEST)
+    for i in range(4):
+        x[i] = select(fresh, 0.0, x[i])
+        for j in range(4):
+            P[i][j] = select(fresh, 0.0, P[i][j])
+    P[0][0] = select(fresh, m * m, P[0][0])
+    for i in range(1, 4):
+        P[i][i] = select(fresh, s * s, P[i][i])
+
+
+@kernel
+def take_in(x, P, row, value, variance, told):
+    """Take in one number, row . x, where it is told.
+
+    Args:
+        x: State, four numbers, rewritten.
+        P: Its covariance, four rows, rewritten.
+        row: Four numbers.
+        value: What is read.
+        variance: Of the reading.
+        told: Whether it counts.
+    """
+    a, b, c, d = row
+    p = P[0][0] * a + P[0][1] * b + P[0][2] * c + P[0][3] * d
+    q = P[1][0] * a + P[1][1] * b + P[1][2] * c + P[1][3] * d
+    r = P[2][0] * a + P[2][1] * b + P[2][2] * c + P[2][3] * d
+    s = P[3][0] * a + P[3][1] * b + P[3][2] * c + P[3][3] * d
+    weight = select(told, 1.0 / (a * p + b * q + c * r + d * s + variance), 0.0)
+    gain = weight * (value - (a * x[0] + b * x[1] + c * x[2] + d * x[3]))
+    x[0], x[1] = x[0] + gain * p, x[1] + gain * q
+    x[2], x[3] = x[2] + gain * r, x[3] + gain * s
+    for i in range(4):
+        # Of the covariance, as the row was before: c_i is P row.
+        share = weight * select(i < 2, select(i == 0, p, q), select(i == 2, r, s))
+        P[i][0] = P[i][0] - share * p
+        P[i][1] = P[i][1] - share * q
+        P[i][2] = P[i][2] - share * r
+        P[i][3] = P[i][3] - share * s
+
+
+@kernel
+def filtered(numbers, view, axes, tool, value, variance, told):
+    """Take in (m, L_x, L_y) of a period, which are linear in (m, s).
+
+    Args:
+        numbers: `LearnNumbers`.
+        view: `LearnView`.
+        axes: Of the last link, x, y and z, world axes.
+        tool: The tool's point from the origin of {A}, world axes.
+        value: What is read.
+        variance: Of each of the three.
+        told: Whether it counts.
+    """
+    x, P = view.state, view.covariance
+    x_axis, y_axis, z_axis = axes
+    walk = select(told, numbers.walk, 0.0)
+    P[0][0] = P[0][0] + walk * variance[0]
+    for i in range(1, 4):
+        P[i][i] = P[i][i] + walk * maximum(variance[1], variance[2])
+    take_in(x, P, (1.0, 0.0, 0.0, 0.0), value[0], variance[0], told)
+    take_in(x, P, (tool[0], x_axis[0], y_axis[0], z_axis[0]), value[1], variance[1], told)
+    take_in(x, P, (tool[1], x_axis[1], y_axis[1], z_axis[1]), value[2], variance[2], told)
+
+
+@kernel
+def nothing_learned(numbers, chain, estimate):
+    """The memory at the start; nothing hangs, nothing is known."""
+    observer = nothing_observed(numbers.observer, chain, estimate)
+    moving = Moving(estimate.velocity.linear, ZERO, ZERO, ZERO, 0.0)
+    nothing = Held(0.0, ZERO)
+    return LearnMemory(observer, moving, Tare(ZERO, ZERO, 0.0), 0.0, 0.0, 0.0, nothing)
+
+
+@kernel
+def learn(view, k):
+    """Learn from control period k, and say what is handed over; see the module's text."""
+    numbers, estimate, g = view.numbers[0], view.estimate[0], view.numbers[0].gravity
+    at = k * int(view.joint_rows[0])
+    joints, chain = view.joints[at], Chain(view.links, view.joints[at])
+    if k == 0:
+        view.memory[0] = nothing_learned(numbers, chain, estimate)
+    memory, closed = view.memory[0], view.closed[0]
+    R = rotation_matrix(estimate.pose.attitude)
+    holds = closed > 0.0
+    # What the gripper let go is no longer there.
+    handed = select(holds, memory.handed, Held(0.0, ZERO))
+    observer = observed(numbers.observer, Halves(1.0, 1.0), chain, estimate, memory.observer)
+    d = add_spatial(observer.wrench, weight_of(handed, joints, R, g))
+    read = (-d.linear[2] / g, d.angular[1] / g, -d.angular[0] / g)  # m, L_x, L_y and the tare
+
+    moving = moved(numbers, estimate, view.motions[at], memory.moving)
+    since = select(closed == memory.closed, memory.since + 1.0, 0.0)
+    still = both(moving.quiet >= numbers.lag, since >= numbers.lag)
+    told = both(still, holds)
+    tare = weighed(numbers, memory.tare, read, both(still, closed <= 0.0))
+    variance = tare.variance
+    variance = (
+        numbers.correlation * maximum(variance[0], numbers.floor[0]),
+        numbers.correlation * maximum(variance[1], numbers.floor[1]),
+        numbers.correlation * maximum(variance[2], numbers.floor[2]),
+    )
+    value = subtract(read, tare.mean)
+    count = select(holds, memory.told + select(told, 1.0, 0.0), 0.0)
+    begun(numbers, view.state, view.covariance, value[0], memory.told <= 0.0)
+    turn, place = last_link(joints)
+    axes = (
+        rotate(R, (turn[0], turn[3], turn[6])),
+        rotate(R, (turn[1], turn[4], turn[7])),
+        rotate(R, (turn[2], turn[5], turn[8])),
+    )
+    tool = rotate(R, add(place, rotate(turn, numbers.tool)))
+    filtered(numbers, view, axes, tool, value, variance, told)
+
+    x, spread = view.state, view.covariance[0][0]
+    sure = both(count >= numbers.enough, both(x[0] > 0.0, x[0] * x[0] > 9.0 * spread))
+    share = select(both(holds, sure), numbers.over, 0.0)
+    mass = maximum(x[0], 0.0)
+    moment = axpy(mass, numbers.tool, (x[1], x[2], x[3]))
+    new = Held(share * (mass - handed.mass), scale(share, subtract(moment, handed.moment)))
+    held = Held(handed.mass + new.mass, add(handed.moment, new.moment))
+    view.held[0], view.weight[0] = held, weight_of(new, joints, R, g)
+    R = rotation_matrix(boxplus(estimate.pose.attitude, view.ahead[k].turn))
+    observer = asked(observer, rotate_spatial_back(R, view.delivery[0].wrench))
+    view.memory[0] = LearnMemory(observer, moving, tare, closed, since, count, held)
+
+
+@kernel
+def carried_on(view, k):
+    """The observer on the links with what is handed over, its weight no longer unexplained."""
+    m, estimate = view.memory[0], view.estimate[0]
+    chain = Chain(view.links, view.joints[k * int(view.joint_rows[0])])
+    observer = rebased(chain, estimate, m.observer, view.weight[0])
+    view.memory[0] = LearnMemory(observer, m.moving, m.tare, m.closed, m.since, m.told, m.handed)
