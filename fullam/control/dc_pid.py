@@ -27,13 +27,14 @@ from fullam.control.pid import (
     integrated,
     pid,
     pose_error,
+    released,
     start,
     within_bounds,
 )
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.recursion import compensation as recursive_compensation
+from fullam.dynamics.recursion import composite_body, platform_wrench, solve_body
 from fullam.dynamics.recursion import platform_acceleration as recursive_acceleration
-from fullam.dynamics.recursion import platform_wrench
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
     Spatial,
@@ -171,6 +172,37 @@ def delivered_previous(numbers, chain, estimate, memory, delivery):
     return PreviousMemory(integral, at_hand, memory.inertial, memory.has_hand)
 
 
+@kernel
+def eased(chain, estimate, integral, weight):
+    """The integrator less what of it carries a weight, and never past zero.
+
+    What it has not learned of the weight yet cannot be taken out of it, and of an axis without
+    integral action nothing.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    a = solve_body(composite_body(chain), rotate_spatial_back(R, weight))
+    a = rotate_spatial(R, a)
+    i, j, b = integral.linear, integral.angular, a.angular
+    a = a.linear
+    return Spatial(
+        (released(i[0], a[0], 1.0), released(i[1], a[1], 1.0), released(i[2], a[2], 1.0)),
+        (released(j[0], b[0], 1.0), released(j[1], b[1], 1.0), released(j[2], b[2], 1.0)),
+    )
+
+
+@kernel
+def relieved(numbers, chain, estimate, memory, weight):
+    """The memory before something is dropped."""
+    return PidMemory(eased(chain, estimate, memory.integral, weight))
+
+
+@kernel
+def relieved_previous(numbers, chain, estimate, memory, weight):
+    """The same with "previous_wrench"."""
+    integral = eased(chain, estimate, memory.integral, weight)
+    return PreviousMemory(integral, memory.at_hand, memory.inertial, memory.has_hand)
+
+
 # What machine code flies: the same on the recursion (6)-(13).
 
 
@@ -199,6 +231,7 @@ class DcPid(PidBase):
 
     name = "dc-pid"
     Settings = DcPidSettings
+    learns = True
     settings: DcPidSettings
 
     @cached_property
@@ -220,8 +253,10 @@ class DcPid(PidBase):
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
         if self.previous:
-            return LawKernels(start_previous, command_previous, delivered_previous)
-        return LawKernels(start, command, delivered)
+            return LawKernels(
+                start_previous, command_previous, delivered_previous, relieved_previous
+            )
+        return LawKernels(start, command, delivered, relieved)
 
     def numbers(self) -> Any:
         """See `DcPidNumbers`."""

@@ -58,10 +58,10 @@ from fullam.control.wrench_observer import (
     ObserverMemory,
     ObserverNumbers,
     asked,
+    less,
     nothing_observed,
     observed,
     observer_numbers,
-    rebased,
 )
 from fullam.dynamics.recursion import JointMotion
 from fullam.dynamics.so3 import rotation_matrix
@@ -297,12 +297,12 @@ def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
         return Memory(nominal, beside)
 
     @kernel
-    def taken_over(numbers, chain, estimate, memory, weight):
+    def relieved(numbers, chain, estimate, memory, weight):
         b = memory.beside
-        observer = rebased(chain, estimate, b.observer, weight)
+        observer = less(numbers.observer, b.observer, weight)
         return Memory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
 
-    return LawKernels(start, command, delivered, taken_over)
+    return LawKernels(start, command, delivered, relieved)
 
 
 class BothChains(NamedTuple):
@@ -319,7 +319,6 @@ class DcPidPlus(DcPid):
     name = "dc-pid-plus"
     Settings = DcPidPlusSettings
     estimator = "kalman"
-    learns = True
     settings: DcPidPlusSettings
 
     @property

@@ -22,13 +22,15 @@ with
 `start` is called before the first period, `command` every period, `delivered` only where bounds of
 the rotors kept a command from being delivered. A law that `learns` has a fourth,
 
-    taken_over(numbers, chain, estimate, memory, weight) -> memory
+    relieved(numbers, chain, estimate, memory, weight) -> memory
 
-called after a period in which the chain took over a part of what hangs at the tool, whose `weight`
-(a wrench at the origin of {A}, world axes) its memory holds for a disturbance; see
-`fullam.control.payload_observer`. A kernel has no branch on data (both sides are
-computed and `select` takes one), no strings or objects inside, and its constants are numbers;
-`fullam.numbers` says more, and `fullam new controller my_law.py --kernel` writes a law that flies.
+called after the last period in which something unknown hangs at the tool, whose `weight` (a wrench
+at the origin of {A}, world axes) was learned, and which its memory holds for a disturbance; in all
+other periods the weight is zero. See `fullam.control.payload_observer`.
+
+A kernel has no branch on data (both sides are computed and `select` takes one), no strings or
+objects inside, and its constants are numbers; `fullam.numbers` says more, and
+`fullam new controller my_law.py --kernel` writes a law that flies.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ class LawKernels(NamedTuple):
     start: Function
     command: Function
     delivered: Function
-    taken_over: Function | None = None
+    relieved: Function | None = None
 
 
 class KernelLaw(Controller):
@@ -138,10 +140,10 @@ class KernelLaw(Controller):
             self._numbers, self._chain, self._estimate, self._memory, delivery
         )
 
-    def take_over(self, chain: Any, estimate: Estimate, weight: Spatial) -> None:
-        """Learn that the chain carries from now on what was a disturbance; see the module."""
-        assert self.kernels.taken_over is not None
-        self._memory = self.kernels.taken_over(self._numbers, chain, estimate, self._memory, weight)
+    def relieve(self, chain: Any, estimate: Estimate, weight: Spatial) -> None:
+        """Learn that a weight is going to be gone; see the module's first lines."""
+        assert self.kernels.relieved is not None
+        self._memory = self.kernels.relieved(self._numbers, chain, estimate, self._memory, weight)
 
     def forget(self) -> None:
         """Begin anew at the next command."""
@@ -267,8 +269,8 @@ class InformView(NamedTuple):
     delivery: Any
 
 
-class TakeOverView(NamedTuple):
-    """What the stage that hands a load over is shown; `weight` is one row of what is new."""
+class RelieveView(NamedTuple):
+    """What the stage that takes a load off is shown; `weight` is one row."""
 
     numbers: Any
     links: Any
@@ -319,15 +321,15 @@ def inform_stage(kernels: LawKernels) -> Function:
 
 
 @cache
-def take_over_stage(kernels: LawKernels) -> Function:
-    """The stage that hands the law a part of what was learned to hang at the tool."""
-    taken_over = kernels.taken_over
-    assert taken_over is not None, "the law learns"
+def relieve_stage(kernels: LawKernels) -> Function:
+    """The stage that tells the law which weight is going to be gone."""
+    relieved = kernels.relieved
+    assert relieved is not None, "the law learns"
 
     @kernel
-    def take_over(view, k):
-        view.memory[0] = taken_over(
+    def relieve(view, k):
+        view.memory[0] = relieved(
             view.numbers[0], chain_at(view, k), view.estimate[0], view.memory[0], view.weight[0]
         )
 
-    return take_over
+    return relieve

@@ -80,10 +80,10 @@ class LawStage:
         else:
             self._law.delivered(*(np.array(flat(part)) for part in delivery[:2]))
 
-    def take_over(self, view: Any, k: int) -> None:
-        """Hand over a part of what was learned, given a `TakeOverView`."""
+    def relieve(self, view: Any, k: int) -> None:
+        """Tell which weight is going to be gone, given a `RelieveView`."""
         assert isinstance(self._law, KernelLaw)
-        self._law.take_over(chain_at(view, k), view.estimate[0], view.weight[0])
+        self._law.relieve(chain_at(view, k), view.estimate[0], view.weight[0])
 
     def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
         """Estimate, target and motion of the arm as the arrays of a `Controller`."""

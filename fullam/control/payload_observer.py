@@ -6,18 +6,22 @@ s = m c there, and pulls at the origin of {A} with
     f = m g,    tau = L x g,    L = m r + R s,
 
 r the way from {A} to the tool's point, R the attitude of the last link. What the momentum observer
-(`wrench_observer`) does not explain, d, less its mean b before the gripper closed (the tare), tells
-m and the horizontal part of L: three rows for four unknowns. The state (m, s) is a random walk; a
-prior holds s within `reach` of m, and so what links of one attitude leave open. Gusts do not
-average out from period to period; their variance is measured with the tare, and taken times
+(`wrench_observer`) does not explain, d, less its mean before the gripper closed (the tare), tells m
+and the horizontal part of L: three rows for four unknowns. The state (m, s) is a random walk; a
+prior holds s within `reach` of m, and with it what links of one attitude leave open. Gusts do not
+average out from period to period: a row's variance is measured with the tare, and taken times
 their correlation.
 
 Nothing is told while the platform accelerates or something turns, or did within the observer's lag:
-the estimate is then frozen. It goes over to the law's model little by little, and with each share
-of it the observers are shifted by its weight (`wrench_observer.rebased`): what was cancelled as a
-disturbance is now carried as a part of the arm, and the command does not jump.
+the estimate is then frozen. The gripper tells when it closes and opens; the tare needs a second of
+hover before it closes.
 
-The gripper tells when it closes and opens; what it holds then is gone from the model at once.
+**Hand-over.** The goals of the servos, and the twin, are told little by little, so that the arm
+comes up again from where the load has let it sag. A law with an observer or an integrator carries
+the weight already, as a disturbance; what it lacks is the knowledge that it goes when the gripper
+opens: then, and not before, the weight as it is learned is taken out of that memory (`relieved` of
+`fullam.control.law`), and the command follows the load without having to learn anew. The law's own
+inertia is left as it is.
 """
 
 from __future__ import annotations
@@ -31,11 +35,10 @@ from fullam.control.wrench_observer import (
     asked,
     nothing_observed,
     observed,
-    rebased,
 )
 from fullam.dynamics.recursion import Chain
 from fullam.dynamics.so3 import boxplus, rotation_matrix
-from fullam.dynamics.spatial import Spatial, add_spatial, rotate_spatial_back
+from fullam.dynamics.spatial import Spatial, rotate_spatial_back, scale_spatial
 from fullam.numbers.kernel import (
     Number,
     absolute,
@@ -123,7 +126,7 @@ class LearnMemory(NamedTuple):
     """What is remembered of a load.
 
     The observer; what moves; the tare; 1 while the gripper is closed, periods since it moved, and
-    how many of them told of what it holds; what is handed over.
+    how many of them told of what it holds; what the arm's goals are told of it.
     """
 
     observer: ObserverMemory
@@ -132,16 +135,23 @@ class LearnMemory(NamedTuple):
     closed: Number
     since: Number
     told: Number
-    handed: Held
+    held: Held
+
+
+class Gripper(NamedTuple):
+    """1 while it is closed around something unknown, else 0: in this period, and in the next."""
+
+    closed: Number
+    then: Number
 
 
 class LearnView(NamedTuple):
     """What `learn` is shown.
 
     One row of `LearnNumbers`; the law's links; joints and their motions, and rows of them in a
-    period; the estimate; what it turns on until the rotors follow; what was delivered; 1 while the
-    gripper is closed. Rewritten are the memory, (m, s) and its covariance (four rows). Written are
-    what is handed over from now on, and the weight that is new in it.
+    period; the estimate; what it turns on until the rotors follow; what was delivered; the gripper.
+    Rewritten are the memory, (m, s) and its covariance (four rows). Written is the weight that is
+    gone in the next period.
     """
 
     numbers: Any
@@ -152,11 +162,10 @@ class LearnView(NamedTuple):
     estimate: Any
     ahead: Any
     delivery: Any
-    closed: Any
+    gripper: Any
     memory: Any
     state: Any
     covariance: Any
-    held: Any
     weight: Any
 
 
@@ -289,34 +298,29 @@ def nothing_learned(numbers, chain, estimate):
 
 @kernel
 def learn(view, k):
-    """Learn from control period k, and say what is handed over; see the module's text."""
+    """Learn from control period k; see the module's text."""
     numbers, estimate, g = view.numbers[0], view.estimate[0], view.numbers[0].gravity
     at = k * int(view.joint_rows[0])
     joints, chain = view.joints[at], Chain(view.links, view.joints[at])
     if k == 0:
         view.memory[0] = nothing_learned(numbers, chain, estimate)
-    memory, closed = view.memory[0], view.closed[0]
+    memory, gripper = view.memory[0], view.gripper[0]
     R = rotation_matrix(estimate.pose.attitude)
-    holds = closed > 0.0
-    # What the gripper let go is no longer there.
-    handed = select(holds, memory.handed, Held(0.0, ZERO))
     observer = observed(numbers.observer, Halves(1.0, 1.0), chain, estimate, memory.observer)
-    d = add_spatial(observer.wrench, weight_of(handed, joints, R, g))
-    read = (-d.linear[2] / g, d.angular[1] / g, -d.angular[0] / g)  # m, L_x, L_y and the tare
+    d = observer.wrench
+    read = (-d.linear[2] / g, d.angular[1] / g, -d.angular[0] / g)  # (m, L_x, L_y) and the tare
 
     moving = moved(numbers, estimate, view.motions[at], memory.moving)
-    since = select(closed == memory.closed, memory.since + 1.0, 0.0)
-    still = both(moving.quiet >= numbers.lag, since >= numbers.lag)
+    since = select(gripper.closed == memory.closed, memory.since + 1.0, 0.0)
+    still, holds = both(moving.quiet >= numbers.lag, since >= numbers.lag), gripper.closed > 0.0
     told = both(still, holds)
-    tare = weighed(numbers, memory.tare, read, both(still, closed <= 0.0))
-    variance = tare.variance
+    tare = weighed(numbers, memory.tare, read, both(still, gripper.closed <= 0.0))
     variance = (
-        numbers.correlation * maximum(variance[0], numbers.floor[0]),
-        numbers.correlation * maximum(variance[1], numbers.floor[1]),
-        numbers.correlation * maximum(variance[2], numbers.floor[2]),
+        numbers.correlation * maximum(tare.variance[0], numbers.floor[0]),
+        numbers.correlation * maximum(tare.variance[1], numbers.floor[1]),
+        numbers.correlation * maximum(tare.variance[2], numbers.floor[2]),
     )
     value = subtract(read, tare.mean)
-    count = select(holds, memory.told + select(told, 1.0, 0.0), 0.0)
     begun(numbers, view.state, view.covariance, value[0], memory.told <= 0.0)
     turn, place = last_link(joints)
     axes = (
@@ -327,23 +331,18 @@ def learn(view, k):
     tool = rotate(R, add(place, rotate(turn, numbers.tool)))
     filtered(numbers, view, axes, tool, value, variance, told)
 
+    count = select(holds, memory.told + select(told, 1.0, 0.0), 0.0)
     x, spread = view.state, view.covariance[0][0]
     sure = both(count >= numbers.enough, both(x[0] > 0.0, x[0] * x[0] > 9.0 * spread))
-    share = select(both(holds, sure), numbers.over, 0.0)
-    mass = maximum(x[0], 0.0)
-    moment = axpy(mass, numbers.tool, (x[1], x[2], x[3]))
-    new = Held(share * (mass - handed.mass), scale(share, subtract(moment, handed.moment)))
-    held = Held(handed.mass + new.mass, add(handed.moment, new.moment))
-    view.held[0], view.weight[0] = held, weight_of(new, joints, R, g)
+    known = Held(x[0], axpy(x[0], numbers.tool, (x[1], x[2], x[3])))
+    held = select(holds, memory.held, Held(0.0, ZERO))
+    share = select(sure, numbers.over, 0.0)
+    held = Held(
+        held.mass + share * (known.mass - held.mass),
+        axpy(share, subtract(known.moment, held.moment), held.moment),
+    )
+    gone = select(both(sure, gripper.then < gripper.closed), 1.0, 0.0)
+    view.weight[0] = scale_spatial(gone, weight_of(known, joints, R, g))
     R = rotation_matrix(boxplus(estimate.pose.attitude, view.ahead[k].turn))
     observer = asked(observer, rotate_spatial_back(R, view.delivery[0].wrench))
-    view.memory[0] = LearnMemory(observer, moving, tare, closed, since, count, held)
-
-
-@kernel
-def carried_on(view, k):
-    """The observer on the links with what is handed over, its weight no longer unexplained."""
-    m, estimate = view.memory[0], view.estimate[0]
-    chain = Chain(view.links, view.joints[k * int(view.joint_rows[0])])
-    observer = rebased(chain, estimate, m.observer, view.weight[0])
-    view.memory[0] = LearnMemory(observer, m.moving, m.tare, m.closed, m.since, m.told, m.handed)
+    view.memory[0] = LearnMemory(observer, moving, tare, gripper.closed, since, count, held)

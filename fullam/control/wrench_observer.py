@@ -151,21 +151,21 @@ def asked(memory, wrench_A):
 
 
 @kernel
-def rebased(chain, estimate, memory, weight):
-    """The observer of a model that carries from now on what hung there unknown.
+def less(numbers, memory, wrench):
+    """The observer told that a part of what it observes acts in this period for the last time.
 
-    Its weight is no longer unexplained, and the momentum is the new model's.
+    The momentum is put on by what that part brings in this period, which then is not observed.
 
     Args:
-        chain: The vehicle with the load.
-        estimate: The one that the observer was told last.
+        numbers: `ObserverNumbers`.
         memory: `ObserverMemory`.
-        weight: Gravity's wrench on what is new in the model, world axes, at the origin of {A}.
+        wrench: The part, world axes at the origin of {A}.
     """
-    R, m = rotation_matrix(estimate.pose.attitude), memory
-    h, c = momentum_about_center(chain, R, estimate.velocity)
-    d = subtract_spatial(m.wrench, weight)
-    return ObserverMemory(d, h, c, m.attitude, m.command, m.actual, mass_of(chain))
+    m, f = memory, wrench.linear
+    about_center = Spatial(f, subtract(wrench.angular, cross(m.center, f)))
+    h = axpy_spatial(numbers.period, about_center, m.momentum)
+    d = subtract_spatial(m.wrench, wrench)
+    return ObserverMemory(d, h, m.center, m.attitude, m.command, m.actual, m.mass)
 
 
 def observer_numbers(

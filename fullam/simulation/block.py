@@ -27,13 +27,13 @@ from fullam.control.law import (
     CommandView,
     InformView,
     KernelLaw,
-    TakeOverView,
+    RelieveView,
     command_stage,
     inform_stage,
     kernel_law,
     not_fused,
     numbers_of,
-    take_over_stage,
+    relieve_stage,
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status, Target
 from fullam.dynamics.spatial import Pose, Spatial
@@ -176,7 +176,7 @@ class Block:
             "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
         }
         if self.plant.learner is not None:
-            own["take over"] = Stage(take_over_stage(law.kernels), self.take_over_view())
+            own["relieve"] = Stage(relieve_stage(law.kernels), self.relieve_view())
         return in_order(self.common_stages() | own | self.plant.stages())
 
     def common_stages(self) -> dict[str, Stage]:
@@ -255,11 +255,11 @@ class Block:
             self.delivery,
         )
 
-    def take_over_view(self) -> TakeOverView:
-        """What the stage is shown that hands the law what was learned."""
+    def relieve_view(self) -> RelieveView:
+        """What the stage is shown that takes off the law what was learned."""
         seen, learner = self.plant.seen, self.plant.learner
         assert learner is not None
-        return TakeOverView(
+        return RelieveView(
             self._law_numbers,
             seen.links,
             seen.joints,

@@ -79,7 +79,7 @@ class Flight:
         }
         stages |= block.plant.python_stages(look)
         if "learn" in stages:
-            stages["take over"] = law.take_over, look(block.take_over_view())
+            stages["relieve"] = law.relieve, look(block.relieve_view())
         if "expect" in stages:
             expect, view = stages["expect"]
             frame = block.tables.link_rows.frames[-1]

@@ -1,4 +1,4 @@
-"""The stage that learns what hangs at the tool, and tells the links; see `payload_observer`."""
+"""The stages that learn what hangs at the tool, and tell the arm; see `payload_observer`."""
 
 from __future__ import annotations
 
@@ -6,22 +6,17 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from fullam.control.payload_observer import (
-    Held,
-    LearnMemory,
-    LearnNumbers,
-    LearnView,
-    carried_on,
-    learn,
-)
+from fullam.control.payload_observer import Gripper, LearnMemory, LearnNumbers, LearnView, learn
 from fullam.control.wrench_observer import observer_numbers
+from fullam.dynamics.recursion import Link
 from fullam.dynamics.spatial import Spatial
 from fullam.model.vehicle import Vehicle
-from fullam.numbers.kernel import both, kernel, maximum, select
+from fullam.numbers.kernel import kernel, maximum, select
+from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import axpy, scale, subtract
 from fullam.simulation.held_tool import held_tool
-from fullam.simulation.payload import Load, LoadView, load
+from fullam.simulation.payload import Load, LoadView, is_held, load
 
 RATE = 20.0
 """Of the observer, and of the filters of what moves [rad/s]."""
@@ -38,93 +33,98 @@ HORIZON = 4.0
 CORRELATION = 0.3
 """How long a gust lasts [s]."""
 
-FLOOR = 0.005, 0.0005
+FLOOR = 0.01, 0.004
 """Least standard deviations of a reading of mass [kg] and first moment [kg m]."""
 
 ACCELERATION, TURNING = 0.3, 0.15
 """Of the platform [m/s^2], and of it or a joint [rad/s], above which the estimate is frozen."""
 
 ENOUGH = 0.3
-"""Of what is told before anything is handed over [s]."""
+"""Of what is told before anybody else is [s]."""
 
 HAND_OVER = 0.5
-"""Time constant of the hand-over [s]."""
+"""Time constant with which the arm is told [s]."""
 
 NOTHING = 1e-9
 """A mass that has a centre and weighs nothing [kg]."""
 
 
 class LoadLearnView(NamedTuple):
-    """What `learn_load` is shown; `first` is the number of the first body that is not known."""
+    """What `learn_load` is shown.
+
+    What `learn` is shown; all loads that the arm is told of; and which of them is the first that is
+    learned, and not known.
+    """
 
     learner: LearnView
-    told: LoadView
+    loads: Any
     first: Any
 
 
 @kernel
-def learn_load(view, k):
-    """Learn from period k; write the load and the law's links that it leads to."""
-    loads, first = view.told.loads, int(view.first[0])
+def closed_around(loads, first, k):
+    """1 if one of the loads from the first on is there in period k, else 0."""
     closed = 0.0
     for i in range(first, len(loads)):
-        closed = select(both(loads[i].begin <= k, k < loads[i].end), 1.0, closed)
-    view.learner.closed[0] = closed
-    learn(view.learner, k)
-    held, tool = view.learner.held[0], view.learner.numbers[0].tool
+        closed = maximum(closed, is_held(loads[i], k))
+    return closed
+
+
+@kernel
+def learn_load(view, k):
+    """Learn from period k, and write the load that the arm is told of from the next one on."""
+    loads, first, learner = view.loads, int(view.first[0]), view.learner
+    now, then = closed_around(loads, first, k), closed_around(loads, first, k + 1)
+    learner.gripper[0] = Gripper(now, then)
+    learn(learner, k)
+    held, tool = learner.memory[0].held, learner.numbers[0].tool
+    offset = subtract(held.moment, scale(held.mass, tool))
+    center = axpy(1.0 / maximum(held.mass, NOTHING), offset, tool)
     for i in range(first, len(loads)):
         body = loads[i]
-        offset = subtract(held.moment, scale(held.mass, tool))
-        center = axpy(1.0 / maximum(held.mass, NOTHING), offset, tool)
-        now = Load(body.begin, body.end, held.mass, center, body.inertia)
-        loads[i] = select(both(body.begin <= k, k < body.end), now, body)
-    load(view.told, k)
-    carried_on(view.learner, k)
+        told = Load(body.begin, body.end, held.mass, center, body.inertia)
+        loads[i] = select(is_held(body, k) > 0.0, told, body)
 
 
 class Learner:
     """The rows of what is learned.
 
     Attributes:
-        loads: What the law is told of, `Load` rows: the known ones, then those that are learned.
+        loads: What the arm is told of, `Load` rows: the known ones, then those that are learned.
+        links: The nominal links, with these.
         memory: `LearnMemory`, one row.
         state: (m, s), four rows.
         covariance: Of these, four rows.
-        held: What is handed over, one row.
-        weight: What is new in its weight, one row.
+        weight: Of what the gripper is about to let go, one row.
     """
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        period: float,
-        lanes: int,
-        known: Rows | None,
-        unknown: Rows,
+        self, vehicle: Vehicle, period: float, bare: Rows, known: Rows | None, unknown: Rows
     ) -> None:
         """Make the rows.
 
         Args:
             vehicle: The nominal vehicle.
             period: Control period [s].
-            lanes: Flights at a time; 0 for one, as scalars.
+            bare: Its links, in as many lanes as are flown.
             known: Loads that the law is told of.
             unknown: Those that are learned; when they are gripped counts, and no more.
         """
+        lanes = bare.lanes
         first = 0 if known is None else len(known.array)
         count = first + len(unknown.array)
         self.loads = Rows.empty(Load, count, lanes=lanes)
         for part, rows in ((slice(0, first), known), (slice(first, count), unknown)):
             if rows is not None:
                 self.loads.array[part] = rows.array[..., None] if lanes else rows.array
-        self._first = first
+        self._first, self._bare = first, bare
+        self.links = Rows.empty(Link, len(bare.array), lanes=lanes)
         self._numbers = Rows.of(LearnNumbers, [learn_numbers(vehicle, period)])
         self.memory = Rows.empty(LearnMemory, 1, lanes=lanes)
         self.state = Rows.empty(float, 4, lanes=lanes)
         self.covariance = Rows.empty(float, 4, 4, lanes=lanes)
-        self.held = Rows.empty(Held, 1, lanes=lanes)
         self.weight = Rows.empty(Spatial, 1, lanes=lanes)
-        self._closed = Rows.empty(float, 1, lanes=lanes)
+        self._gripper = Rows.empty(Gripper, 1, lanes=lanes)
 
     def begin(self) -> None:
         """Know nothing."""
@@ -132,20 +132,21 @@ class Learner:
 
     def remembered(self) -> Sequence[Rows]:
         """Rows that it takes to go back to a moment."""
-        return self.loads, self.memory, self.state, self.covariance, self.held
+        return self.loads, self.memory, self.state, self.covariance
 
-    def view(self, told: LoadView, **rows: Any) -> LoadLearnView:
-        """What the stage is shown.
+    def stages(self, **rows: Rows) -> dict[str, Stage]:
+        """Its stages.
 
         Args:
-            told: What the law is told of, `loads` among it.
             **rows: Those of `LearnView` that are others'.
         """
-        own = {name: getattr(self, name) for name in ("memory", "state", "covariance", "held")}
-        learner = LearnView(
-            numbers=self._numbers, closed=self._closed, weight=self.weight, **own, **rows
-        )
-        return LoadLearnView(learner, told, Rows(float, [[self._first]]))
+        own = {name: getattr(self, name) for name in ("memory", "state", "covariance", "weight")}
+        view = LearnView(numbers=self._numbers, gripper=self._gripper, **own, **rows)
+        learning = LoadLearnView(view, self.loads, Rows(float, [[self._first]]))
+        return {
+            "expect arm": Stage(load, LoadView(self.links, self._bare, self.loads)),
+            "learn": Stage(learn_load, learning),
+        }
 
 
 def learn_numbers(vehicle: Vehicle, period: float) -> LearnNumbers:

@@ -28,7 +28,7 @@ from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
 from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
 from fullam.simulation.payload import LoadView, load, load_rows
-from fullam.simulation.payload_learning import Learner, LoadLearnView, learn_load
+from fullam.simulation.payload_learning import Learner
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -96,8 +96,7 @@ class ServoPlant(Plant):
         self.learner: Learner | None = None
         if settings.payload == "learned" and unknown:
             gripped = load_rows(plan.nominal, unknown, period)
-            self.learner = Learner(plan.nominal, period, around.lanes, self.expected, gripped)
-            self.expected = self.learner.loads
+            self.learner = Learner(plan.nominal, period, self._nominal, self.expected, gripped)
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             own,
@@ -148,9 +147,10 @@ class ServoPlant(Plant):
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
         if self.expected is not None:
-            stages["expect"] = Stage(load, self._told())
+            told = LoadView(self.seen.links, self._nominal, self.expected)
+            stages["expect"] = Stage(load, told)
         if self.learner is not None:
-            stages["learn"] = Stage(learn_load, self._learn_view(self.learner))
+            stages |= self._learning(self.learner)
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
@@ -166,13 +166,14 @@ class ServoPlant(Plant):
                 stages["record touch"] = Stage(record_touch, touched)
         return stages
 
-    def _told(self) -> LoadView:
-        return LoadView(self.seen.links, self._nominal, self.expected)
+    @property
+    def _arm_links(self) -> Rows:
+        """The links as the servos' goals and the twin know them."""
+        return self.seen.links if self.learner is None else self.learner.links
 
-    def _learn_view(self, learner: Learner) -> LoadLearnView:
+    def _learning(self, learner: Learner) -> dict[str, Stage]:
         a, seen = self.around, self.seen
-        return learner.view(
-            self._told(),
+        return learner.stages(
             links=seen.links,
             joints=seen.joints,
             motions=seen.motions,
@@ -187,7 +188,7 @@ class ServoPlant(Plant):
         shares = FEED_FORWARD[self.settings.feed_forward]
         return GoalView(
             Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
-            self.seen.links,
+            self._arm_links,
             self.servos,
             t.motions,
             t.joint_rows,
@@ -215,7 +216,7 @@ class ServoPlant(Plant):
             self.around.estimate,
             self._memory,
             self._twin_room,
-            PlaceView(self.seen.links, seen.motions, seen.joints, seen.centers),
+            PlaceView(self._arm_links, seen.motions, seen.joints, seen.centers),
         )
 
     def _twin_steps(self, period: float) -> float:
