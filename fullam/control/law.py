@@ -324,7 +324,7 @@ def inform_stage(kernels: LawKernels) -> Function:
 def relieve_stage(kernels: LawKernels) -> Function:
     """The stage that tells the law which weight is going to be gone."""
     relieved = kernels.relieved
-    assert relieved is not None, "the law learns"
+    assert relieved is not None, "the block has looked"
 
     @kernel
     def relieve(view, k):

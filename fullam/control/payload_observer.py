@@ -21,7 +21,23 @@ comes up again from where the load has let it sag. A law with an observer or an 
 the weight already, as a disturbance; what it lacks is the knowledge that it goes when the gripper
 opens: then, and not before, the weight as it is learned is taken out of that memory (`relieved` of
 `fullam.control.law`), and the command follows the load without having to learn anew. The law's own
-inertia is left as it is.
+inertia is left as it is: a law that answers errors with the inertia of what hangs on a soft arm
+asks for more than the arm hands on.
+
+**What it brings.** On `pick-and-place` with dc-PID+, paper weather, seeds 0 to 63, the mass is
+known to 6 g, RMS, from 0.7 s after the pick-up on (17 g at worst). Mean and worst distance from the
+target, unknown, learned and `known`:
+
+    after the pick-up    8.2, 13.4    8.2, 13.5    8.5, 17.0 mm
+    on the way           7.8, 11.4    7.8, 11.5    8.7, 15.7 mm
+    after the drop       7.8, 12.0    7.1, 10.3    7.2, 10.3 mm
+    tool, RMS, carried   9.4          5.5          5.3 mm
+
+In calm air, where no gust hides it, the drop costs 4.4, 0.8 and 0.8 mm. While the arm comes up the
+commanded force changes by up to 0.19 N from period to period, as the goals do in whole steps of the
+servo: a tenth of the weight, and 0.01 N without. Hence "unknown" stays the default. The velocity
+behind the paper's first-order filter is too rough for anything to count as still: there nothing is
+learned, and flown as if nothing were.
 """
 
 from __future__ import annotations
@@ -29,6 +45,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fullam.control.caution import Halves
+from fullam.control.payload_filter import begun, take_in
 from fullam.control.wrench_observer import (
     ObserverMemory,
     ObserverNumbers,
@@ -61,9 +78,6 @@ from fullam.numbers.vectors import (
     scale,
     subtract,
 )
-
-LIGHTEST = 1e-3
-"""For the prior of the first moment, which goes with the mass [kg]."""
 
 
 class LearnNumbers(NamedTuple):
@@ -119,7 +133,7 @@ class Tare(NamedTuple):
 
     mean: Vector
     variance: Vector
-    weighed: Number
+    periods: Number
 
 
 class LearnMemory(NamedTuple):
@@ -212,55 +226,12 @@ def moved(numbers, estimate, motions, memory):
 @kernel
 def weighed(numbers, tare, read, weighing):
     """The tare one period on."""
-    count = minimum(tare.weighed + 1.0, numbers.tare)
+    count = minimum(tare.periods + 1.0, numbers.tare)
     gap = subtract(read, tare.mean)
     mean = axpy(1.0 / count, gap, tare.mean)
     spread = multiply(gap, subtract(read, mean))
     variance = axpy(1.0 / count, subtract(spread, tare.variance), tare.variance)
     return select(weighing, Tare(mean, variance, count), tare)
-
-
-@kernel
-def begun(numbers, x, P, mass, fresh):
-    """Nothing known, where it is fresh: (m, s) and its covariance as before anything was told."""
-    m, s = numbers.heaviest, numbers.reach * maximum(absolute(mass), LIGHTEST)
-    for i in range(4):
-        x[i] = select(fresh, 0.0, x[i])
-        for j in range(4):
-            P[i][j] = select(fresh, 0.0, P[i][j])
-    P[0][0] = select(fresh, m * m, P[0][0])
-    for i in range(1, 4):
-        P[i][i] = select(fresh, s * s, P[i][i])
-
-
-@kernel
-def take_in(x, P, row, value, variance, told):
-    """Take in one number, row . x, where it is told.
-
-    Args:
-        x: State, four numbers, rewritten.
-        P: Its covariance, four rows, rewritten.
-        row: Four numbers.
-        value: What is read.
-        variance: Of the reading.
-        told: Whether it counts.
-    """
-    a, b, c, d = row
-    p = P[0][0] * a + P[0][1] * b + P[0][2] * c + P[0][3] * d
-    q = P[1][0] * a + P[1][1] * b + P[1][2] * c + P[1][3] * d
-    r = P[2][0] * a + P[2][1] * b + P[2][2] * c + P[2][3] * d
-    s = P[3][0] * a + P[3][1] * b + P[3][2] * c + P[3][3] * d
-    weight = select(told, 1.0 / (a * p + b * q + c * r + d * s + variance), 0.0)
-    gain = weight * (value - (a * x[0] + b * x[1] + c * x[2] + d * x[3]))
-    x[0], x[1] = x[0] + gain * p, x[1] + gain * q
-    x[2], x[3] = x[2] + gain * r, x[3] + gain * s
-    for i in range(4):
-        # Of the covariance, as the row was before: c_i is P row.
-        share = weight * select(i < 2, select(i == 0, p, q), select(i == 2, r, s))
-        P[i][0] = P[i][0] - share * p
-        P[i][1] = P[i][1] - share * q
-        P[i][2] = P[i][2] - share * r
-        P[i][3] = P[i][3] - share * s
 
 
 @kernel
@@ -321,7 +292,8 @@ def learn(view, k):
         numbers.correlation * maximum(tare.variance[2], numbers.floor[2]),
     )
     value = subtract(read, tare.mean)
-    begun(numbers, view.state, view.covariance, value[0], memory.told <= 0.0)
+    heaviest, reach = numbers.heaviest, numbers.reach
+    begun(heaviest, reach, view.state, view.covariance, value[0], memory.told <= 0.0)
     turn, place = last_link(joints)
     axes = (
         rotate(R, (turn[0], turn[3], turn[6])),

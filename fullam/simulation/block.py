@@ -29,6 +29,7 @@ from fullam.control.law import (
     KernelLaw,
     RelieveView,
     command_stage,
+    flies_as_kernels,
     inform_stage,
     kernel_law,
     not_fused,
@@ -37,6 +38,7 @@ from fullam.control.law import (
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status, Target
 from fullam.dynamics.spatial import Pose, Spatial
+from fullam.exceptions import SettingsError
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
 from fullam.simulation.drawn_weather import InertialNoise
@@ -176,7 +178,8 @@ class Block:
             "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
         }
         if self.plant.learner is not None:
-            own["relieve"] = Stage(relieve_stage(law.kernels), self.relieve_view())
+            view = self.relieve_view()
+            own["relieve"] = Stage(relieve_stage(law.kernels), view)
         return in_order(self.common_stages() | own | self.plant.stages())
 
     def common_stages(self) -> dict[str, Stage]:
@@ -256,9 +259,21 @@ class Block:
         )
 
     def relieve_view(self) -> RelieveView:
-        """What the stage is shown that takes off the law what was learned."""
-        seen, learner = self.plant.seen, self.plant.learner
+        """What the stage is shown that takes off the law what was learned.
+
+        Raises:
+            SettingsError: The law has no kernel for that.
+        """
+        seen, learner, law = self.plant.seen, self.plant.learner, self.law
         assert learner is not None
+        kernels = law.kernels if isinstance(law, KernelLaw) else None
+        if kernels is None or kernels.relieved is None or not flies_as_kernels(type(law)):
+            raise SettingsError(
+                f"controller '{law.name}'",
+                "kernels",
+                "has no `relieved`, and the law says that it learns",
+                "give LawKernels a fourth kernel, or have `learns = False`",
+            )
         return RelieveView(
             self._law_numbers,
             seen.links,
