@@ -6,7 +6,6 @@ Each gives `chain(motions)`, the vehicle with its arm in motion as it wants to s
     acceleration(chain, R, w, wrench, gravity)          platform acceleration under a wrench, (21)
 
 with everything in world axes at the origin of {A}: R the attitude, w the angular velocity.
-`carry(vehicle, links)` goes on with other bodies on the same joints, in flight.
 """
 
 from __future__ import annotations
@@ -43,10 +42,6 @@ class Recursion:
         """Keep the links."""
         self._links = links
         self.compensation, self.acceleration = compensation, platform_acceleration
-
-    def carry(self, vehicle: Vehicle, links: list[Any]) -> None:
-        """Other bodies."""
-        self._links = links
 
     def chain(self, motions: Sequence[JointMotion]) -> Chain:
         """Links, and joints placed."""
@@ -96,14 +91,10 @@ class JointOne(InMotion):
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own a workspace."""
         super().__init__(vehicle, links)
-        self._data, self._has_arm = vehicle.create_data(), vehicle.model.njoints > 2
-        self.carry(vehicle, links)
-
-    def carry(self, vehicle: Vehicle, links: list[Any]) -> None:
-        """Other bodies."""
-        self._links = links
-        self._model, self._multibody = vehicle.model, Multibody(vehicle)
-        self._platform = vehicle.model.inertias[1]
+        self._model, self._data = vehicle.model, vehicle.create_data()
+        self._multibody = Multibody(vehicle)
+        self._platform = self._model.inertias[1]
+        self._has_arm = self._model.njoints > 2
 
     def compensation(
         self, chain: Chain, R: Any, w: Any, acceleration: Spatial, gravity: float
@@ -135,11 +126,6 @@ class NewtonEuler(InMotion):
     def __init__(self, vehicle: Vehicle, links: list[Any]) -> None:
         """Own the system."""
         super().__init__(vehicle, links)
-        self.carry(vehicle, links)
-
-    def carry(self, vehicle: Vehicle, links: list[Any]) -> None:
-        """Other bodies."""
-        self._links = links
         self._paper = PaperModel(vehicle)
 
     def compensation(

@@ -109,10 +109,6 @@ class RootForce:
         self._q, self._v = vehicle.neutral(), np.zeros(vehicle.model.nv)
         self._a = np.zeros(vehicle.model.nv)
 
-    def carry(self, vehicle: Vehicle) -> None:
-        """Go on with the bodies of another vehicle."""
-        self._model = vehicle.model
-
     def wrenches(
         self, chain: Chain, R: Any, w: Any, acceleration: Spatial, gravity: float
     ) -> tuple[Spatial, Spatial]:
@@ -160,11 +156,6 @@ class ComputedWrench(PidBase):
     def chain(self, motions: Sequence[JointMotion]) -> Any:
         """Links, and the motions as they are: Pinocchio places the joints itself."""
         return Chain(self.links, motions)
-
-    def carry(self, vehicle: Vehicle) -> None:
-        """See `KernelLaw.carry`; Pinocchio's model goes along."""
-        super().carry(vehicle)
-        self._root.carry(vehicle)
 
     def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
         answer: tuple[Command, Any] = computed_wrench(

@@ -98,9 +98,6 @@ class Controller(ABC):
         Settings: Frozen dataclass of its settings; see the module's text.
         estimator: Name of the estimator that it is made for: flown unless another one is asked for.
         touches: Whether it knows that its vehicle may touch things.
-        carries: Whether it can be told in flight what its vehicle carries; see `carry`.
-        learns: Whether a load that is learned in flight can be handed over to it; see
-            `fullam.control.law`.
         u_pid: Commanded acceleration of the last tick, world axes, shape (6,) [m/s^2, rad/s^2].
         u_dc: Compensation wrench of the last tick, eq. (20), world axes, shape (6,) [N, N m].
         attitude: R_WA of the measurement of the last tick, shape (3, 3), for whoever turns the
@@ -112,8 +109,6 @@ class Controller(ABC):
     Settings: ClassVar[type] = NoSettings
     estimator: ClassVar[str] = "first-order"
     touches: ClassVar[bool] = False
-    carries: ClassVar[bool] = False
-    learns: ClassVar[bool] = False
     attitude: Array | None = None
 
     def __init__(
@@ -166,17 +161,6 @@ class Controller(ABC):
         The mean lag of the nominal rotors, unless the law does something about it.
         """
         return float(self.vehicle.rotors.lags.mean())
-
-    def carry(self, vehicle: Vehicle) -> None:
-        """Go on with another nominal vehicle, since something was picked up or dropped.
-
-        Called between two periods, and only of a law that `carries`; one that reads `self.vehicle`
-        anew in each period need not override it.
-
-        Args:
-            vehicle: The nominal vehicle, its last body with what is known to hang at the tool.
-        """
-        self.vehicle = vehicle
 
     @abstractmethod
     def reset(self, measurement: Measurement, reference: ReferencePoint) -> None:

@@ -43,7 +43,6 @@ from fullam.dynamics.spatial import (
     rotate_spatial_back,
     subtract_spatial,
 )
-from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import Number, kernel, select
 from fullam.numbers.vectors import ZERO
 
@@ -231,7 +230,6 @@ class DcPid(PidBase):
 
     name = "dc-pid"
     Settings = DcPidSettings
-    learns = True
     settings: DcPidSettings
 
     @cached_property
@@ -266,11 +264,6 @@ class DcPid(PidBase):
     def chain(self, motions: Any) -> Any:
         """The nominal vehicle as the model wants to see it."""
         return self.model.chain(motions)
-
-    def carry(self, vehicle: Vehicle) -> None:
-        """See `KernelLaw.carry`; the model goes along."""
-        super().carry(vehicle)
-        self.model.carry(vehicle, self.links)
 
     def _command(self, chain: Any, estimate: Estimate, target: Target) -> tuple[Command, Any]:
         return self.nominal(self._numbers, chain, estimate, target, self._memory)

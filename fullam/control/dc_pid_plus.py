@@ -297,9 +297,9 @@ def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
         return Memory(nominal, beside)
 
     @kernel
-    def relieved(numbers, chain, estimate, memory, weight):
+    def relieved(numbers, chain, estimate, memory, wrench):
         b = memory.beside
-        observer = less(numbers.observer, b.observer, weight)
+        observer = less(numbers.observer, b.observer, wrench)
         return Memory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
 
     return LawKernels(start, command, delivered, relieved)

@@ -20,13 +20,13 @@ with
     memory      a NamedTuple of the law's own
 
 `start` is called before the first period, `command` every period, `delivered` only where bounds of
-the rotors kept a command from being delivered. A law that `learns` has a fourth,
+the rotors kept a command from being delivered. A fourth kernel may be left out,
 
-    relieved(numbers, chain, estimate, memory, weight) -> memory
+    relieved(numbers, chain, estimate, memory, wrench) -> memory
 
-called after the last period in which something unknown hangs at the tool, whose `weight` (a wrench
-at the origin of {A}, world axes) was learned, and which its memory holds for a disturbance; in all
-other periods the weight is zero. See `fullam.control.payload_observer`.
+called after each period in which somebody else has taken over a part of what the memory holds for a
+disturbance, the `wrench` (at the origin of {A}, world axes) that acts on the law for the last time:
+what was learned to hang at the tool, see `fullam.control.payload_observer`.
 
 A kernel has no branch on data (both sides are computed and `select` takes one), no strings or
 objects inside, and its constants are numbers; `fullam.numbers` says more, and
@@ -79,7 +79,6 @@ class KernelLaw(Controller):
     """
 
     Memory: type
-    carries = True
 
     def __init__(
         self,
@@ -140,21 +139,15 @@ class KernelLaw(Controller):
             self._numbers, self._chain, self._estimate, self._memory, delivery
         )
 
-    def relieve(self, chain: Any, estimate: Estimate, weight: Spatial) -> None:
-        """Learn that a weight is going to be gone; see the module's first lines."""
-        assert self.kernels.relieved is not None
-        self._memory = self.kernels.relieved(self._numbers, chain, estimate, self._memory, weight)
+    def relieve(self, chain: Any, estimate: Estimate, wrench: Spatial) -> None:
+        """Learn that a part of a disturbance is gone, if the law cares; see the module."""
+        relieved = self.kernels.relieved
+        if relieved is not None:
+            self._memory = relieved(self._numbers, chain, estimate, self._memory, wrench)
 
     def forget(self) -> None:
         """Begin anew at the next command."""
         self._memory = None
-
-    def carry(self, vehicle: Vehicle) -> None:
-        """Other links from now on; see `Controller.carry`.
-
-        `numbers` stay those of the vehicle without a load, as machine code has them.
-        """
-        self.links[:] = LinkRows.of(LinkChain.from_model(vehicle.model)).rows.to_list()
 
     # The face of a controller.
 
@@ -270,7 +263,7 @@ class InformView(NamedTuple):
 
 
 class RelieveView(NamedTuple):
-    """What the stage that takes a load off is shown; `weight` is one row."""
+    """What the stage is shown that relieves a law of a `wrench`, one row."""
 
     numbers: Any
     links: Any
@@ -278,7 +271,7 @@ class RelieveView(NamedTuple):
     joint_rows: Any
     estimate: Any
     memory: Any
-    weight: Any
+    wrench: Any
 
 
 @kernel
@@ -322,14 +315,13 @@ def inform_stage(kernels: LawKernels) -> Function:
 
 @cache
 def relieve_stage(kernels: LawKernels) -> Function:
-    """The stage that tells the law which weight is going to be gone."""
+    """The stage that tells the law of what somebody else has taken over."""
     relieved = kernels.relieved
-    assert relieved is not None, "the block has looked"
 
     @kernel
     def relieve(view, k):
         view.memory[0] = relieved(
-            view.numbers[0], chain_at(view, k), view.estimate[0], view.memory[0], view.weight[0]
+            view.numbers[0], chain_at(view, k), view.estimate[0], view.memory[0], view.wrench[0]
         )
 
     return relieve

@@ -81,9 +81,9 @@ class LawStage:
             self._law.delivered(*(np.array(flat(part)) for part in delivery[:2]))
 
     def relieve(self, view: Any, k: int) -> None:
-        """Tell which weight is going to be gone, given a `RelieveView`."""
-        assert isinstance(self._law, KernelLaw)
-        self._law.relieve(chain_at(view, k), view.estimate[0], view.weight[0])
+        """Tell of what somebody else has taken over, given a `RelieveView`."""
+        if isinstance(self._law, KernelLaw):
+            self._law.relieve(chain_at(view, k), view.estimate[0], view.wrench[0])
 
     def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
         """Estimate, target and motion of the arm as the arrays of a `Controller`."""

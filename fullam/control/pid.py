@@ -268,7 +268,6 @@ class Pid(PidBase):
     """
 
     name = "pid"
-    carries = False  # its mass and inertia are constants
     Memory = PidMemory
     kernels = LawKernels(start, command, delivered)
 

@@ -118,7 +118,7 @@ def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) 
         answer: Kernel that gives the command and these three; arguments as in `dc_pid_plus`.
         untouched: Kernel that gives the contact's memory at the start.
     """
-    start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
+    start_nominal, command_nominal, delivered_nominal = dc_pid
 
     @kernel
     def start(numbers, chain, estimate):
@@ -151,7 +151,6 @@ class Touching(DcPidPlus):
     """
 
     touches = True
-    learns = False  # the tare along the normal holds what hangs there
     settings: TouchingSettings
     memories: ClassVar[tuple[type, type]]
     touching: ClassVar[tuple[Kernel, Kernel]]

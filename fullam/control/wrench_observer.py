@@ -39,20 +39,20 @@ from fullam.dynamics.spatial import (
 )
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.elementary import decay
-from fullam.numbers.kernel import Number, kernel, select
+from fullam.numbers.kernel import Number, kernel
 from fullam.numbers.vectors import ZERO, Matrix, Vector, add, axpy, cross, rotate, scale, subtract
 
 
 class ObserverNumbers(NamedTuple):
     """The observer as numbers.
 
-    The period T [s]; K T of force and of moment; g [m/s^2]; of the gap between what the rotors give
+    The period T [s]; K T of force and of moment; m g [N]; of the gap between what the rotors give
     and what they are asked for: the share that is left after T, and its mean over T.
     """
 
     period: Number
     rates: Halves
-    gravity: Number
+    weight: Number
     left: Number
     mean: Number
 
@@ -61,8 +61,7 @@ class ObserverMemory(NamedTuple):
     """What the observer saw last.
 
     d at the origin of {A}, world axes; momentum about the centre of mass, where that was, and the
-    attitude, world axes; the wrench asked from the rotors and the wrench that they gave, {A} axes;
-    the mass of the model, which jumps when something known is picked up.
+    attitude, world axes; the wrench asked from the rotors and the wrench that they gave, {A} axes.
     """
 
     wrench: Spatial
@@ -71,16 +70,6 @@ class ObserverMemory(NamedTuple):
     attitude: Matrix
     command: Spatial
     actual: Spatial
-    mass: Number
-
-
-@kernel
-def mass_of(chain):
-    """Of all links, with what is known to hang at the last [kg]."""
-    mass = 0.0
-    for i in range(len(chain.links)):
-        mass = mass + chain.links[i].mass
-    return mass
 
 
 @kernel
@@ -96,10 +85,9 @@ def nothing_observed(numbers, chain, estimate):
     """Nothing unexplained yet; the rotors carry the weight."""
     R = rotation_matrix(estimate.pose.attitude)
     h, c = momentum_about_center(chain, R, estimate.velocity)
-    mass = mass_of(chain)
-    lift = (0.0, 0.0, mass * numbers.gravity)
+    lift = (0.0, 0.0, numbers.weight)
     hover = rotate_spatial_back(R, Spatial(lift, cross(c, lift)))
-    return ObserverMemory(Spatial(ZERO, ZERO), h, c, R, hover, hover, mass)
+    return ObserverMemory(Spatial(ZERO, ZERO), h, c, R, hover, hover)
 
 
 @kernel
@@ -122,32 +110,25 @@ def observed(numbers, factors, chain, estimate, memory):
     U = scale_spatial(0.5, mean)
     # The moving arm carries the centre of mass along: what acted had the lever in between.
     lever = scale(0.5, add(memory.center, c))
-    # Of a period in whose end something was picked up or dropped the momenta tell nothing.
-    mass = mass_of(chain)
-    told = select(mass == memory.mass, 1.0, 0.0)
     dh = scale_spatial(1.0 / numbers.period, subtract_spatial(h, memory.momentum))
-    force = add(subtract(dh.linear, U.linear), (0.0, 0.0, mass * numbers.gravity))
+    force = add(subtract(dh.linear, U.linear), (0.0, 0.0, numbers.weight))
     moment = subtract(dh.angular, subtract(U.angular, cross(lever, U.linear)))
     moment = add(moment, cross(lever, force))  # now at the origin of {A}
     d = memory.wrench
     d = Spatial(
+        axpy(decay(numbers.rates.linear * factors.linear), subtract(force, d.linear), d.linear),
         axpy(
-            told * decay(numbers.rates.linear * factors.linear), subtract(force, d.linear), d.linear
-        ),
-        axpy(
-            told * decay(numbers.rates.angular * factors.angular),
-            subtract(moment, d.angular),
-            d.angular,
+            decay(numbers.rates.angular * factors.angular), subtract(moment, d.angular), d.angular
         ),
     )
-    return ObserverMemory(d, h, c, R, memory.command, actual, mass)
+    return ObserverMemory(d, h, c, R, memory.command, actual)
 
 
 @kernel
 def asked(memory, wrench_A):
     """The observer told of the wrench asked from the rotors until the next period, {A} axes."""
     m = memory
-    return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual, m.mass)
+    return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual)
 
 
 @kernel
@@ -165,7 +146,7 @@ def less(numbers, memory, wrench):
     about_center = Spatial(f, subtract(wrench.angular, cross(m.center, f)))
     h = axpy_spatial(numbers.period, about_center, m.momentum)
     d = subtract_spatial(m.wrench, wrench)
-    return ObserverMemory(d, h, m.center, m.attitude, m.command, m.actual, m.mass)
+    return ObserverMemory(d, h, m.center, m.attitude, m.command, m.actual)
 
 
 def observer_numbers(
@@ -183,7 +164,7 @@ def observer_numbers(
     return ObserverNumbers(
         period,
         Halves(rates[0] * period, rates[1] * period),
-        vehicle.gravity,
+        vehicle.mass * vehicle.gravity,
         left,
         lag / period * (1.0 - left),
     )

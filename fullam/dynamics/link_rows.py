@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.dynamics.recursion import Link
@@ -50,14 +49,6 @@ class LinkRows:
         array[:, 0] = mass
         array[:, 1:4] = (back @ com[:, :, None])[:, :, 0]
         array[:, 4:10] = (back @ inertia @ self.frames).reshape(-1, 9)[:, UPPER_TRIANGLE]
-
-
-def body_of(link: Link, frame: Array) -> pin.Inertia:
-    """Mass properties of a link as Pinocchio has them; `frame` turns its axes to the model's."""
-    inertia = np.zeros((3, 3))
-    inertia[np.triu_indices(3)] = link.inertia
-    inertia += np.triu(inertia, 1).T
-    return pin.Inertia(link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T)
 
 
 def _frame_with_z(axis: Array) -> Array:

@@ -28,7 +28,6 @@ from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight import EstimateStage, Flight
 from fullam.simulation.flight_plan import FlightPlan, make_estimator
 from fullam.simulation.interventions import Intervention
-from fullam.simulation.payload import check_told
 from fullam.simulation.stages import sense, sense_all
 from fullam.simulation.trimmed import trim_of
 from fullam.simulation.weather import Weather, forecast
@@ -122,8 +121,6 @@ class CrewChange:
             law, stages = LawStage(self.aboard.law), self._flight.stages
             stages["command"] = law.command, stages["command"][1]
             stages["inform"] = law.inform, stages["inform"][1]
-            if "relieve" in stages:
-                stages["relieve"] = law.relieve, stages["relieve"][1]
         if wanted.known != now.known:
             self._allocate_without(wanted.known)
             self._trim_without(wanted.known)
@@ -182,7 +179,6 @@ class CrewChange:
         plan = self._plan
         assert chosen is not None
         name = chosen.values["name"]
-        check_told(plan.scenario.payloads, controller_class(name), plan.learns)
         settings = make_settings(name, chosen.values["settings"])
         step, axes = plan.simulation.control_period, plan.scenario.axes_mask
         anticipated = plan.anticipation is not None

@@ -25,7 +25,6 @@ from fullam.numbers.records import flat, record
 from fullam.simulation.block import Block, in_order
 from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
-from fullam.simulation.payload import Telling
 from fullam.simulation.plant_kind import PythonStage
 from fullam.simulation.run import Run
 from fullam.simulation.tables import Tables
@@ -77,15 +76,7 @@ class Flight:
             "command": (law.command, look(block.command_view(motions))),
             "inform": (law.inform, look(block.delivery)),
         }
-        stages |= block.plant.python_stages(look)
-        if "learn" in stages:
-            stages["relieve"] = law.relieve, look(block.relieve_view())
-        if "expect" in stages:
-            expect, view = stages["expect"]
-            frame = block.tables.link_rows.frames[-1]
-            told = Telling(expect, lambda: self.controller, self.plan.nominal, frame)
-            stages["expect"] = told, view
-        return in_order(stages)
+        return in_order(stages | block.plant.python_stages(look))
 
     def ticks(self) -> Iterator[int]:
         """Fly; yields the number of each period once its row is written and it is flown."""
@@ -149,7 +140,7 @@ class Flight:
         """The record so far."""
         self.lists.write_back()
         log = self.block.columns(self.ticks_flown)
-        return finish(self.plan, log, self.outcome, self.reason)
+        return finish(self.plan, log, self.outcome, self.reason, scene=self.block.plant.scene)
 
 
 class EstimateStage:

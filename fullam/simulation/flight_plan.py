@@ -26,8 +26,7 @@ from fullam.model.vehicle import Vehicle
 from fullam.registry import made
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
-from fullam.simulation.payload import check_told
-from fullam.simulation.plant_settings import ServoSettings, plant_settings
+from fullam.simulation.plant_settings import plant_settings
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -97,8 +96,7 @@ class FlightPlan:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
                 memory or a motion of one's own more rows than fit into a record, its steps are too
-                long for the servos, the law cannot be told of a known payload, or the seed is no
-                whole number from 0 on.
+                long for the servos, or the seed is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
             SettingsError: The controller's settings hold what cannot be saved.
         """
@@ -109,7 +107,6 @@ class FlightPlan:
         scenario = with_tool_solved(scenario, vehicle)
         scenario.check_plant(simulation.plant)
         plant = plant_settings(simulation.plant, simulation.plant_settings)
-        check_told(scenario.payloads, controller_class(controller), learns(simulation))
         plant.check_step(vehicle, simulation.integrator, simulation.plant_period)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1
@@ -175,11 +172,6 @@ class FlightPlan:
         """The same flight with a true vehicle of one's own, of the nominal one's joints."""
         return replace(self, replaced=vehicle)
 
-    @property
-    def learns(self) -> bool:
-        """Whether payloads that are unknown are learned in flight."""
-        return learns(self.simulation)
-
     @cached_property
     def forecast(self) -> Forecast:
         """The weather that the seed draws."""
@@ -208,12 +200,6 @@ class FlightPlan:
     def arm_row(self, k: int) -> int:
         """Row of the arm table that belongs to control period k."""
         return 2 * k * self.simulation.substeps
-
-
-def learns(simulation: SimulationSettings) -> bool:
-    """Whether payloads that are unknown are learned in flight."""
-    plant = plant_settings(simulation.plant, simulation.plant_settings)
-    return isinstance(plant, ServoSettings) and plant.payload == "learned"
 
 
 def checked_seed(seed: int) -> int:

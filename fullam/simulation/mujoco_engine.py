@@ -12,9 +12,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
-from fullam.dynamics.link_rows import body_of
 from fullam.dynamics.recursion import JointMotion, Link
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
@@ -22,6 +22,7 @@ from fullam.model.servos import Servos
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.vectors import rotate, rotate_back
 from fullam.simulation.mujoco_contact import add_world, set_materials, tool_force
+from fullam.simulation.mujoco_scene import scene_joints
 from fullam.simulation.mujoco_spec import (
     PREFIX,
     compiled,
@@ -45,6 +46,7 @@ class Engine:
         model: MuJoCo's.
         data: MuJoCo's.
         touches: Whether there is anything to touch.
+        joints: The scene's joints, whose coordinates `scene` gives.
     """
 
     def __init__(
@@ -105,6 +107,7 @@ class Engine:
         known = {model.actuator(i).name for i in range(model.nu)}
         self._servos = [model.actuator(name).id for name in names if name in known]
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        self.joints, self._scene = scene_joints(model)
 
     @property
     def size(self) -> int:
@@ -116,8 +119,11 @@ class Engine:
         if link == self._carried:
             return
         self._carried = link
-        own = moving_bodies(self._spec, self._vehicle, PREFIX)[-1]
-        set_inertia(own, body_of(link, frame))
+        inertia = np.zeros((3, 3))
+        inertia[np.triu_indices(3)] = link.inertia
+        inertia += np.triu(inertia, 1).T
+        own = pin.Inertia(link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T)
+        set_inertia(moving_bodies(self._spec, self._vehicle, PREFIX)[-1], own)
         self._compile()
 
     # The state.
@@ -147,6 +153,10 @@ class Engine:
     def arm(self) -> tuple[list[float], list[float]]:
         """Positions and rates of the joints."""
         return self.data.qpos[self._angles].tolist(), self.data.qvel[self._rates].tolist()
+
+    def scene(self) -> tuple[float, ...]:
+        """Coordinates of the scene's joints, as `scene_joints` has them in a record."""
+        return tuple(self.data.qpos[self._scene].tolist())
 
     def remember(self) -> tuple[float, ...]:
         """All that the next step depends on, `size` numbers."""

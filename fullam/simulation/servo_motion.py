@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from fullam.dynamics.articulated import push_last, sweep_out, swept_acceleration
 from fullam.dynamics.integrators import half_steps, integrator
-from fullam.dynamics.link_rows import body_of
 from fullam.dynamics.multibody import ROOT
 from fullam.dynamics.recursion import JointMotion, Link, gravity_in
 from fullam.dynamics.servo import servo_torque
@@ -261,7 +260,13 @@ class PinocchioJoints:
         if link == self._carried:
             return
         self._carried = link
-        self._model.inertias[self._model.njoints - 1] = body_of(link, frame)
+        inertia = np.zeros((3, 3))
+        inertia[np.triu_indices(3)] = link.inertia
+        inertia += np.triu(inertia, 1).T
+        last = self._model.njoints - 1
+        self._model.inertias[last] = pin.Inertia(
+            link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T
+        )
 
     def __call__(
         self, system: ServoSystem, pose: Any, twist: Spatial, wrench: Spatial, push: Spatial
