@@ -142,7 +142,7 @@ class KernelLaw(Controller):
     def relieve(self, chain: Any, estimate: Estimate, wrench: Spatial) -> None:
         """Learn that a part of a disturbance is gone, if the law cares; see the module."""
         relieved = self.kernels.relieved
-        if relieved is not None:
+        if relieved is not None and self._memory is not None:
             self._memory = relieved(self._numbers, chain, estimate, self._memory, wrench)
 
     def forget(self) -> None:
@@ -317,6 +317,7 @@ def inform_stage(kernels: LawKernels) -> Function:
 def relieve_stage(kernels: LawKernels) -> Function:
     """The stage that tells the law of what somebody else has taken over."""
     relieved = kernels.relieved
+    assert relieved is not None, "who has none is not told"
 
     @kernel
     def relieve(view, k):

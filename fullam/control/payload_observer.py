@@ -55,7 +55,7 @@ from fullam.control.wrench_observer import (
 )
 from fullam.dynamics.recursion import Chain
 from fullam.dynamics.so3 import boxplus, rotation_matrix
-from fullam.dynamics.spatial import Spatial, rotate_spatial_back, scale_spatial
+from fullam.dynamics.spatial import Spatial, rotate_spatial_back
 from fullam.numbers.kernel import (
     Number,
     absolute,
@@ -140,7 +140,7 @@ class LearnMemory(NamedTuple):
     """What is remembered of a load.
 
     The observer; what moves; the tare; 1 while the gripper is closed, periods since it moved, and
-    how many of them told of what it holds; what the arm's goals are told of it.
+    how many of them told of what it holds; what is handed over.
     """
 
     observer: ObserverMemory
@@ -164,8 +164,8 @@ class LearnView(NamedTuple):
 
     One row of `LearnNumbers`; the law's links; joints and their motions, and rows of them in a
     period; the estimate; what it turns on until the rotors follow; what was delivered; the gripper.
-    Rewritten are the memory, (m, s) and its covariance (four rows). Written is the weight that is
-    gone in the next period.
+    Rewritten are the memory, (m, s) and its covariance (four rows). Written is the weight that
+    is handed over anew.
     """
 
     numbers: Any
@@ -308,13 +308,11 @@ def learn(view, k):
     sure = both(count >= numbers.enough, both(x[0] > 0.0, x[0] * x[0] > 9.0 * spread))
     known = Held(x[0], axpy(x[0], numbers.tool, (x[1], x[2], x[3])))
     held = select(holds, memory.held, Held(0.0, ZERO))
-    share = select(sure, numbers.over, 0.0)
-    held = Held(
-        held.mass + share * (known.mass - held.mass),
-        axpy(share, subtract(known.moment, held.moment), held.moment),
-    )
-    gone = select(both(sure, gripper.then < gripper.closed), 1.0, 0.0)
-    view.weight[0] = scale_spatial(gone, weight_of(known, joints, R, g))
+    gone = both(sure, gripper.then < gripper.closed)  # what was not handed over is relieved at once
+    part = select(gone, 1.0, select(sure, numbers.over, 0.0))
+    new = Held(part * (known.mass - held.mass), scale(part, subtract(known.moment, held.moment)))
+    held = Held(held.mass + new.mass, add(held.moment, new.moment))
+    view.weight[0] = weight_of(new, joints, R, g)
     R = rotation_matrix(boxplus(estimate.pose.attitude, view.ahead[k].turn))
     observer = asked(observer, rotate_spatial_back(R, view.delivery[0].wrench))
     view.memory[0] = LearnMemory(observer, moving, tare, gripper.closed, since, count, held)

@@ -29,7 +29,6 @@ from fullam.control.law import (
     KernelLaw,
     RelieveView,
     command_stage,
-    flies_as_kernels,
     inform_stage,
     kernel_law,
     not_fused,
@@ -38,7 +37,6 @@ from fullam.control.law import (
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status, Target
 from fullam.dynamics.spatial import Pose, Spatial
-from fullam.exceptions import SettingsError
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, columns, rows_of
 from fullam.simulation.drawn_weather import InertialNoise
@@ -117,6 +115,8 @@ class Block:
                 kept,
                 self.state,
                 self.estimate,
+                self.target,
+                self.command,
                 self.delivery,
                 self.drawn,
                 self.speeds,
@@ -177,9 +177,8 @@ class Block:
             "command": Stage(command_stage(law.kernels), self.command_view(joints)),
             "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
         }
-        if self.plant.learner is not None:
-            view = self.relieve_view()
-            own["relieve"] = Stage(relieve_stage(law.kernels), view)
+        if self.learns and law.kernels.relieved is not None:
+            own["relieve"] = Stage(relieve_stage(law.kernels), self.relieve_view())
         return in_order(self.common_stages() | own | self.plant.stages())
 
     def common_stages(self) -> dict[str, Stage]:
@@ -255,25 +254,23 @@ class Block:
             self.plant.seen.rows,
             self.estimate,
             self.law_memory,
-            self.delivery,
+            self.share,
         )
 
-    def relieve_view(self) -> RelieveView:
-        """What the stage is shown that takes off the law what was learned.
+    @property
+    def share(self) -> Rows:
+        """What was delivered of the law's own command, one row of `Delivery`."""
+        return self.delivery if self.plant.carried is None else self.plant.carried.share
 
-        Raises:
-            SettingsError: The law has no kernel for that.
-        """
-        seen, learner, law = self.plant.seen, self.plant.learner, self.law
-        assert learner is not None
-        kernels = law.kernels if isinstance(law, KernelLaw) else None
-        if kernels is None or kernels.relieved is None or not flies_as_kernels(type(law)):
-            raise SettingsError(
-                f"controller '{law.name}'",
-                "kernels",
-                "has no `relieved`, and the law says that it learns",
-                "give LawKernels a fourth kernel, or have `learns = False`",
-            )
+    @property
+    def learns(self) -> bool:
+        """Whether what hangs at the tool is learned in flight."""
+        return self.plant.carried is not None and self.plant.carried.learner is not None
+
+    def relieve_view(self) -> RelieveView:
+        """What the stage is shown that tells the law of what was learned."""
+        seen, carried = self.plant.seen, self.plant.carried
+        assert carried is not None and carried.learner is not None
         return RelieveView(
             self._law_numbers,
             seen.links,
@@ -281,7 +278,7 @@ class Block:
             seen.rows,
             self.estimate,
             self.law_memory,
-            learner.weight,
+            carried.learner.weight,
         )
 
     def record_view(self) -> RecordView:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
 from fullam.checks import Checker, from_zero, positive, within
-from fullam.control.controller import Controller
-from fullam.dynamics.link_rows import body_of
 from fullam.dynamics.recursion import Link, shift_inertia
 from fullam.exceptions import ScenarioError
 from fullam.model.vehicle import Vehicle
@@ -21,8 +17,6 @@ from fullam.numbers.kernel import Number, both, kernel, select
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Symmetric, Vector, add_symmetric, axpy, scale, subtract
 from fullam.simulation.held_tool import held_tool
-
-Array = NDArray[np.float64]
 
 NEVER = 1e6
 """Later than any flight [s]."""
@@ -40,13 +34,9 @@ class Payload:
         dropped: When it is gone again [s].
         offset: Its centre from the tool's point, axes of the arm's last link [m].
         radius: Of a ball of even density [m].
-        known: Whether the law is told: its nominal vehicle then carries it, too, from the pick-up
-            to the drop, and so do the goals of the servos and the twin. A law whose model is a
-            constant, as the PID's, cannot be told, and refuses. One that is told answers errors
-            with the inertia of the load, too, which is too much on an arm that gives way: dc-PID
-            behind the first-order filter circles at 20 deg with 0.2 kg at the default vehicle's
-            AX-12As in paper weather (at 4 deg untold, or on servos 16 times as stiff). See
-            `fullam.control.payload_observer` for a load that is learned instead.
+        known: Whether the controller is told, from the pick-up to the drop: what the load takes is
+            then added to the law's command (`fullam.control.payload_lift`), and the goals of the
+            servos and the twin know of it.
     """
 
     mass: float
@@ -104,7 +94,7 @@ class Load(NamedTuple):
 class LoadView(NamedTuple):
     """What `load` is shown: `links` to be written, the links without loads, the loads.
 
-    "load" writes the true links, "expect" by the same kernel the law's, with what it knows of.
+    "load" writes the true links, "expect" by the same kernel those that the controller knows of.
     """
 
     links: Any
@@ -174,81 +164,18 @@ def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> R
     return Rows.of(Load, rows)
 
 
-def check_told(payloads: Sequence[Payload], law: type[Controller], learned: bool) -> None:
-    """Refuse a law that cannot be told of loads that it is to know, or to learn.
-
-    Args:
-        payloads: All of them.
-        law: The law.
-        learned: Whether those that are unknown are learned in flight.
+def check_apart(learned: Sequence[Payload]) -> None:
+    """Refuse to learn two things at a time.
 
     Raises:
-        ScenarioError: There are such loads, and the law does not carry, or does not learn; or two
-            are to be learned that hang together.
+        ScenarioError: They hang together.
     """
-    where = f"controller '{law.name}'"
-    if any(body.known for body in payloads) and not law.carries:
-        raise ScenarioError(
-            where,
-            "payloads",
-            "has one that is known, and this law cannot be told in flight what it carries",
-            "fly another law (dc-pid, say), give known = false, or let a law of your own have "
-            "`carries = True` and the method `carry`",
-        )
-    unknown = sorted(
-        (body for body in payloads if learned and not body.known), key=lambda b: b.picked_up
-    )
-    if unknown and not law.learns:
-        raise ScenarioError(
-            where,
-            "payload",
-            "is 'learned', and this law cannot take over what is learned in flight",
-            "fly dc-pid-plus, or leave payload = 'unknown'",
-        )
-    for first, then in pairwise(unknown):
+    for first, then in pairwise(sorted(learned, key=lambda body: body.picked_up)):
         if then.picked_up < first.dropped:
             raise ScenarioError(
                 "plant_settings",
                 "payload",
                 f"is 'learned', and what is picked up at {then.picked_up:g} s hangs together with "
-                f"another unknown body",
+                "another unknown body",
                 "drop one before the next, or leave payload = 'unknown'",
             )
-
-
-class Telling:
-    """The stage `expect` that tells a law in Python as well, wherever what it knows of changes.
-
-    Another law, and a flight that goes back to a moment, are told anew.
-    """
-
-    def __init__(
-        self,
-        expect: Callable[[Any, int], None],
-        law: Callable[[], Controller],
-        vehicle: Vehicle,
-        frame: Array,
-    ) -> None:
-        """Nobody is told yet.
-
-        Args:
-            expect: The stage, on a `LoadView`.
-            law: Says which law flies.
-            vehicle: The nominal vehicle, without loads.
-            frame: Turns the axes of the last row to the model's, shape (3, 3).
-        """
-        self._expect, self._law, self._vehicle, self._frame = expect, law, vehicle, frame
-        self._told: tuple[Controller, Link] | None = None
-        self._next = 0
-
-    def __call__(self, view: LoadView, k: int) -> None:
-        """See `stages`."""
-        self._expect(view, k)
-        law, link = self._law(), view.links[-1]
-        is_told = self._told is not None and self._told[0] is law and self._told[1] == link
-        if not (is_told and k == self._next):
-            model = pin.Model(self._vehicle.model)
-            model.inertias[model.njoints - 1] = body_of(link, self._frame)
-            law.carry(replace(self._vehicle, model=model))
-            self._told = law, link
-        self._next = k + 1

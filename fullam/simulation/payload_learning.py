@@ -1,4 +1,4 @@
-"""The stages that learn what hangs at the tool, and tell the arm; see `payload_observer`."""
+"""The stage that learns what hangs at the tool; see `fullam.control.payload_observer`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from fullam.control.payload_observer import Gripper, LearnMemory, LearnNumbers, LearnView, learn
 from fullam.control.wrench_observer import observer_numbers
-from fullam.dynamics.recursion import Link
 from fullam.dynamics.spatial import Spatial
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import kernel, maximum, select
@@ -16,7 +15,7 @@ from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import axpy, scale, subtract
 from fullam.simulation.held_tool import held_tool
-from fullam.simulation.payload import Load, LoadView, is_held, load
+from fullam.simulation.payload import Load, is_held
 
 RATE = 20.0
 """Of the observer, and of the filters of what moves [rad/s]."""
@@ -43,7 +42,7 @@ ENOUGH = 0.3
 """Of what is told before anybody else is [s]."""
 
 HAND_OVER = 0.5
-"""Time constant with which the arm is told [s]."""
+"""Time constant with which the rest of the controller is told [s]."""
 
 NOTHING = 1e-9
 """A mass that has a centre and weighs nothing [kg]."""
@@ -52,8 +51,8 @@ NOTHING = 1e-9
 class LoadLearnView(NamedTuple):
     """What `learn_load` is shown.
 
-    What `learn` is shown; all loads that the arm is told of; and which of them is the first that is
-    learned, and not known.
+    What `learn` is shown; all loads that the controller is told of; and which of them is the first
+    that is learned, and not known.
     """
 
     learner: LearnView
@@ -72,7 +71,7 @@ def closed_around(loads, first, k):
 
 @kernel
 def learn_load(view, k):
-    """Learn from period k, and write the load that the arm is told of from the next one on."""
+    """Learn from period k, and write the load that is told of from the next one on."""
     loads, first, learner = view.loads, int(view.first[0]), view.learner
     now, then = closed_around(loads, first, k), closed_around(loads, first, k + 1)
     learner.gripper[0] = Gripper(now, then)
@@ -90,35 +89,23 @@ class Learner:
     """The rows of what is learned.
 
     Attributes:
-        loads: What the arm is told of, `Load` rows: the known ones, then those that are learned.
-        links: The nominal links, with these.
         memory: `LearnMemory`, one row.
         state: (m, s), four rows.
         covariance: Of these, four rows.
-        weight: Of what the gripper is about to let go, one row.
+        weight: Of what the controller is told anew of it, one row.
     """
 
-    def __init__(
-        self, vehicle: Vehicle, period: float, bare: Rows, known: Rows | None, unknown: Rows
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, period: float, loads: Rows, first: int) -> None:
         """Make the rows.
 
         Args:
             vehicle: The nominal vehicle.
             period: Control period [s].
-            bare: Its links, in as many lanes as are flown.
-            known: Loads that the law is told of.
-            unknown: Those that are learned; when they are gripped counts, and no more.
+            loads: All that the controller is told of, `Load` rows.
+            first: From which of them on they are learned; when they are gripped counts, no more.
         """
-        lanes = bare.lanes
-        first = 0 if known is None else len(known.array)
-        count = first + len(unknown.array)
-        self.loads = Rows.empty(Load, count, lanes=lanes)
-        for part, rows in ((slice(0, first), known), (slice(first, count), unknown)):
-            if rows is not None:
-                self.loads.array[part] = rows.array[..., None] if lanes else rows.array
-        self._first, self._bare = first, bare
-        self.links = Rows.empty(Link, len(bare.array), lanes=lanes)
+        lanes = loads.lanes
+        self._loads, self._first = loads, first
         self._numbers = Rows.of(LearnNumbers, [learn_numbers(vehicle, period)])
         self.memory = Rows.empty(LearnMemory, 1, lanes=lanes)
         self.state = Rows.empty(float, 4, lanes=lanes)
@@ -128,25 +115,21 @@ class Learner:
 
     def begin(self) -> None:
         """Know nothing."""
-        self.loads.array[self._first :, 2:] = 0.0
+        self._loads.array[self._first :, 2:] = 0.0
 
     def remembered(self) -> Sequence[Rows]:
         """Rows that it takes to go back to a moment."""
-        return self.loads, self.memory, self.state, self.covariance
+        return self._loads, self.memory, self.state, self.covariance
 
-    def stages(self, **rows: Rows) -> dict[str, Stage]:
-        """Its stages.
+    def stage(self, **rows: Rows) -> Stage:
+        """Its stage.
 
         Args:
             **rows: Those of `LearnView` that are others'.
         """
         own = {name: getattr(self, name) for name in ("memory", "state", "covariance", "weight")}
         view = LearnView(numbers=self._numbers, gripper=self._gripper, **own, **rows)
-        learning = LoadLearnView(view, self.loads, Rows(float, [[self._first]]))
-        return {
-            "expect arm": Stage(load, LoadView(self.links, self._bare, self.loads)),
-            "learn": Stage(learn_load, learning),
-        }
+        return Stage(learn_load, LoadLearnView(view, self._loads, Rows(float, [[self._first]])))
 
 
 def learn_numbers(vehicle: Vehicle, period: float) -> LearnNumbers:

@@ -28,7 +28,7 @@ from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
 from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
 from fullam.simulation.payload import LoadView, load, load_rows
-from fullam.simulation.payload_learning import Learner
+from fullam.simulation.payload_carrying import Carried
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -55,8 +55,6 @@ class ServoPlant(Plant):
         entries: The joints' part of the record, (periods, n), if it is kept.
         world: What the tool may touch, `contact.World`; None if there is nothing.
         loads: What the tool carries and when, `Load` rows; None if it never carries anything.
-        expected: Those of `loads` that the law knows of; None if there are none.
-        learner: Learns the others, if they are to be learned.
         links: The true links, with what is carried.
         touches: See `Plant`; kept with the record.
     """
@@ -74,8 +72,6 @@ class ServoPlant(Plant):
         # For each lane, as the true ones are: what is placed on them has lanes from the first on.
         own, links = self._empty(Link, n + 1), around.tables.links.array
         own.array[:] = links[..., None] if around.lanes else links
-        self._nominal = self._empty(Link, n + 1)
-        self._nominal.array[:] = own.array
         self.arm: Rows = self._empty(JointMotion, n)
         self.goals = self._empty(float, n)
         self._slopes, self._sums = self._empty(Slope, n), self._empty(Slope, n)
@@ -91,12 +87,9 @@ class ServoPlant(Plant):
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
         known = [body for body in payloads if body.known]
-        self.expected = load_rows(plan.nominal, known, period) if known else None
-        unknown = [body for body in payloads if not body.known]
-        self.learner: Learner | None = None
-        if settings.payload == "learned" and unknown:
-            gripped = load_rows(plan.nominal, unknown, period)
-            self.learner = Learner(plan.nominal, period, self._nominal, self.expected, gripped)
+        learned = [body for body in payloads if not body.known and settings.payload == "learned"]
+        if known or learned:
+            self.carried = Carried(plan.nominal, period, own, known, learned)
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             own,
@@ -117,8 +110,8 @@ class ServoPlant(Plant):
         self._memory.array[:, 1:] = 0.0
         for rows in (self._slopes, self._sums, self.goals, self.seen.motions):
             rows.array[:] = 0.0
-        if self.learner is not None:
-            self.learner.begin()
+        if self.carried is not None:
+            self.carried.begin()
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""
@@ -146,11 +139,8 @@ class ServoPlant(Plant):
         if self.loads is not None:
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
-        if self.expected is not None:
-            told = LoadView(self.seen.links, self._nominal, self.expected)
-            stages["expect"] = Stage(load, told)
-        if self.learner is not None:
-            stages |= self._learning(self.learner)
+        if self.carried is not None:
+            stages |= self._carrying(self.carried)
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
             stages["record arm"] = Stage(record_arm, view)
@@ -169,19 +159,23 @@ class ServoPlant(Plant):
     @property
     def _arm_links(self) -> Rows:
         """The links as the servos' goals and the twin know them."""
-        return self.seen.links if self.learner is None else self.learner.links
+        return self.seen.links if self.carried is None else self.carried.links
 
-    def _learning(self, learner: Learner) -> dict[str, Stage]:
+    def _carrying(self, carried: Carried) -> dict[str, Stage]:
         a, seen = self.around, self.seen
-        return learner.stages(
-            links=seen.links,
-            joints=seen.joints,
-            motions=seen.motions,
-            joint_rows=seen.rows,
-            estimate=a.estimate,
-            ahead=a.tables.ahead,
-            delivery=a.delivery,
-        )
+        placed = seen.joints, seen.rows, a.estimate
+        stages = carried.stages(*placed, a.target, a.command, a.delivery)
+        if carried.learner is not None:
+            stages["learn"] = carried.learner.stage(
+                links=seen.links,
+                joints=seen.joints,
+                motions=seen.motions,
+                joint_rows=seen.rows,
+                estimate=a.estimate,
+                ahead=a.tables.ahead,
+                delivery=a.delivery,
+            )
+        return stages
 
     def _goal_view(self) -> GoalView:
         t = self.around.tables
@@ -258,8 +252,8 @@ class ServoPlant(Plant):
 
     def remembered(self) -> Sequence[Rows]:
         """See `Plant`."""
-        learned = () if self.learner is None else self.learner.remembered()
-        return self.arm, self._memory, self.goals, *learned
+        carried = () if self.carried is None else self.carried.remembered()
+        return self.arm, self._memory, self.goals, *carried
 
     def steered_by(self, arm: Any, centers: Any, rows: Any) -> dict[str, dict[str, Any]]:
         """See `Plant`: the hand moves what the servos are asked."""

@@ -19,6 +19,7 @@ import fullam
 from fullam.exceptions import FullamError, FullamWarning
 from fullam.simulation.run import Run
 from fullam.simulation.scenario import Scenario
+from fullam.simulation.world_file import WorldFile
 
 PATIENCE = 10
 """What takes longer hangs [s of the processor; on a machine that is busy, six times that]."""
@@ -86,3 +87,17 @@ def folder() -> Path:
 def whole_run() -> Run:
     """A short flight with noise and gusts; what flights need is compiled then."""
     return fullam.simulate(Scenario("brief", duration=0.3), seed=1)
+
+
+SCENE = """<mujoco><worldbody>
+  <body name="box"><freejoint/><geom size="0.1"/>
+    <body><joint name="lid"/><geom size="0.1" pos="0.2 0 0"/>
+      <body><joint name="ball" type="ball"/><geom size="0.1" pos="0.4 0 0"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+@functools.cache
+def scene_run() -> Run:
+    """A short flight beside a box that falls, its lid and a ball, whose places are recorded."""
+    scenario = Scenario("beside", duration=0.1, world_file=WorldFile("scene.xml", SCENE))
+    return fullam.simulate(scenario, seed=1)
