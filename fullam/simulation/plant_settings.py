@@ -36,8 +36,8 @@ class ServoSettings:
             `fullam.control.arm_feedback`.
         feed_forward: What the servos' goals are shifted by: "motion" (and gravity), "gravity" or
             "off"; see `fullam.control.arm_goals`.
-        payload: What the law makes of payloads that nobody told it of: "unknown" leaves them to its
-            observer or its integrator, "learned" estimates them in flight and hands them over; see
+        payload: What is made of payloads that nobody told of: "unknown" leaves them to the law's
+            observer or integrator, "learned" estimates them in flight and hands them over; see
             `fullam.control.payload_observer`.
     """
 
