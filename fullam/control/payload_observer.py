@@ -31,8 +31,9 @@ target, unknown, learned and `known`:
     after the drop       7.8, 12.0    7.1, 10.3    7.1, 10.3 mm
     tool, RMS, carried   9.4          5.5          5.4 mm
 
-and in calm air, where no gust hides it, 4.4, 0.9 and 0.9 mm after the drop; dc-PID behind the Kalman
-filter 73, 20 and 16 mm. The hand-over changes the commanded force by up to 0.03 N from period to
+and after the drop in calm air, where no gust hides it, 4.4, 0.9 and 0.9 mm; in paper weather dc-PID
+behind the Kalman filter 73, 20 and 16 mm. The hand-over changes the commanded force by up to 0.03 N
+from period to
 period, 2 % of the weight; as the arm comes up again, the goals in whole steps of the servo, it is
 0.22 N. Little is lost by it, then, but not nothing, and "unknown" stays the default. The velocity
 behind the paper's first-order filter is too rough for anything to count as still: there nothing is
