@@ -33,11 +33,10 @@ target, unknown, learned and `known`:
 
 and after the drop in calm air, where no gust hides it, 4.4, 0.9 and 0.9 mm; in paper weather dc-PID
 behind the Kalman filter 73, 20 and 16 mm. The hand-over changes the commanded force by up to 0.03 N
-from period to
-period, 2 % of the weight; as the arm comes up again, the goals in whole steps of the servo, it is
-0.22 N. Little is lost by it, then, but not nothing, and "unknown" stays the default. The velocity
-behind the paper's first-order filter is too rough for anything to count as still: there nothing is
-learned, and flown as if it were unknown.
+from period to period, 2 % of the weight; as the arm comes up again, the goals in whole steps of the
+servo, it is 0.22 N. Little is lost by it, then, but not nothing, and "unknown" stays the default.
+The velocity behind the paper's first-order filter is too rough for anything to count as still:
+there nothing is learned, and flown as if it were unknown.
 """
 
 from __future__ import annotations
