@@ -172,17 +172,16 @@ def delivered_previous(numbers, chain, estimate, memory, delivery):
 
 
 @kernel
-def eased(chain, estimate, integral, weight):
-    """The integrator less what of it carries a weight, and never past zero.
+def eased(chain, estimate, integral, wrench):
+    """The integrator less what of it holds a wrench, and never past zero.
 
-    What it has not learned of the weight yet cannot be taken out of it, and of an axis without
+    What it has not learned of the wrench yet cannot be taken out of it, and of an axis without
     integral action nothing.
     """
     R = rotation_matrix(estimate.pose.attitude)
-    a = solve_body(composite_body(chain), rotate_spatial_back(R, weight))
+    a = solve_body(composite_body(chain), rotate_spatial_back(R, wrench))
     a = rotate_spatial(R, a)
-    i, j, b = integral.linear, integral.angular, a.angular
-    a = a.linear
+    i, j, a, b = integral.linear, integral.angular, a.linear, a.angular
     return Spatial(
         (released(i[0], a[0], 1.0), released(i[1], a[1], 1.0), released(i[2], a[2], 1.0)),
         (released(j[0], b[0], 1.0), released(j[1], b[1], 1.0), released(j[2], b[2], 1.0)),
@@ -190,15 +189,15 @@ def eased(chain, estimate, integral, weight):
 
 
 @kernel
-def relieved(numbers, chain, estimate, memory, weight):
-    """The memory before something is dropped."""
-    return PidMemory(eased(chain, estimate, memory.integral, weight))
+def relieved(numbers, chain, estimate, memory, wrench):
+    """The memory once somebody else takes care of a wrench; see `law`."""
+    return PidMemory(eased(chain, estimate, memory.integral, wrench))
 
 
 @kernel
-def relieved_previous(numbers, chain, estimate, memory, weight):
+def relieved_previous(numbers, chain, estimate, memory, wrench):
     """The same with "previous_wrench"."""
-    integral = eased(chain, estimate, memory.integral, weight)
+    integral = eased(chain, estimate, memory.integral, wrench)
     return PreviousMemory(integral, memory.at_hand, memory.inertial, memory.has_hand)
 
 

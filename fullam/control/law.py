@@ -24,9 +24,9 @@ the rotors kept a command from being delivered. A fourth kernel may be left out,
 
     relieved(numbers, chain, estimate, memory, wrench) -> memory
 
-called after each period in which somebody else has taken over a part of what the memory holds for a
-disturbance, the `wrench` (at the origin of {A}, world axes) that acts on the law for the last time:
-what was learned to hang at the tool, see `fullam.control.payload_observer`.
+called after each period of a flight that learns what hangs at the tool: of what the memory holds
+for a disturbance, `wrench` (at the origin of {A}, world axes, mostly zero) acts on the law for the
+last time, since others take care of it from then on; see `fullam.control.payload_observer`.
 
 A kernel has no branch on data (both sides are computed and `select` takes one), no strings or
 objects inside, and its constants are numbers; `fullam.numbers` says more, and

@@ -4,17 +4,19 @@ import numpy as np
 import pinocchio as pin
 
 from fullam.control.caution import Halves
+from fullam.control.controllers import make_controller
 from fullam.control.payload_filter import begun, take_in
 from fullam.control.payload_observer import Held, Tare, weighed, weight_of
+from fullam.control.pid import PidMemory
 from fullam.control.signals import Estimate
 from fullam.control.wrench_observer import less, nothing_observed, observed, observer_numbers
 from fullam.dynamics.link_rows import LinkRows
-from fullam.dynamics.recursion import Chain, JointMotion, place_joints
+from fullam.dynamics.recursion import Chain, JointMotion, place_joints, root_wrench
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
-from fullam.numbers.records import flat
+from fullam.numbers.records import flat, record
 from fullam.simulation.held_tool import held_tool
 from fullam.simulation.payload_learning import learn_numbers
 
@@ -103,3 +105,30 @@ def test_an_observer_that_is_told_of_the_end_observes_it_no_more():
     np.testing.assert_allclose(flat(goes_on.wrench), flat(pull), atol=1e-12)
     told = observed(numbers, Halves(1.0, 1.0), chain, estimate, less(numbers, memory, pull))
     np.testing.assert_allclose(flat(told.wrench), 0.0, atol=1e-12)  # rounding of 24 N of weight
+
+
+def test_an_integrator_is_relieved_of_what_it_holds_and_of_no_more():
+    vehicle = load_vehicle("fullam")
+    law = make_controller("dc-pid", vehicle)
+    joints = [None] * 4
+    place_joints(law.links, [JointMotion(a, 0.0, 0.0) for a in (-1.5, 0.0, -0.7, 0.0)], joints)
+    chain = Chain(law.links, joints)
+    attitude = np.array([0.1, -0.2, 0.3, 0.9]) / np.linalg.norm([0.1, -0.2, 0.3, 0.9])
+    none = Spatial((0.0,) * 3, (0.0,) * 3)
+    estimate = Estimate(Pose((0.0,) * 3, tuple(attitude.tolist())), none)
+    R = rotation_matrix(estimate.pose.attitude)
+    held = np.array([0.2, -0.1, 0.8, 1.0, -2.0, 0.3])
+    # The wrench that an integrator of this acceleration gives, of the vehicle as one body.
+    given, _ = root_wrench(chain, R, none.angular, record(Spatial, held), 0.0)
+    pull = record(Spatial, -np.array(flat(given)))
+    memory = PidMemory(record(Spatial, held))
+    relieved = law.kernels.relieved
+    left = relieved(None, chain, estimate, memory, pull).integral
+    np.testing.assert_allclose(flat(left), 0.0, atol=1e-13)
+    half = record(Spatial, 0.5 * np.array(flat(pull)))
+    left = relieved(None, chain, estimate, memory, half).integral
+    np.testing.assert_allclose(flat(left), 0.5 * held, atol=1e-13)
+    other = PidMemory(record(Spatial, -held))  # holds against something else
+    assert relieved(None, chain, estimate, other, pull) == other
+    small = PidMemory(record(Spatial, 0.3 * held))
+    np.testing.assert_array_equal(flat(relieved(None, chain, estimate, small, pull).integral), 0.0)
