@@ -142,7 +142,7 @@ class ServoPlant(Plant):
         if self.carried is not None:
             stages |= self._carrying(self.carried)
         if self.around.kept:
-            view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
+            view = ArmRecordView(self.arm, self.servos, self.goals, self.seen.motions, self.entries)
             stages["record arm"] = Stage(record_arm, view)
             if self.world is not None:
                 touched = TouchView(
@@ -240,10 +240,10 @@ class ServoPlant(Plant):
         )
 
     def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:
-        """See `Plant`: the true arm, the servos' goals and torques."""
+        """See `Plant`: the true arm, the servos' goals and torques, what the law was told."""
         entries = self.entries.array[:rows]
         entries = entries[..., lane] if self.around.lanes else entries
-        names = "arm", "arm_rate", "arm_goal", "arm_torque"
+        names = "arm", "arm_rate", "arm_goal", "arm_torque", "measured_arm", "measured_arm_rate"
         found = {name: np.array(entries[..., i]) for i, name in enumerate(names)}
         touches = self.touches.array[:rows]
         return found | {
