@@ -58,6 +58,7 @@ from fullam.control.wrench_observer import (
     ObserverMemory,
     ObserverNumbers,
     asked,
+    less,
     nothing_observed,
     observed,
     observer_numbers,
@@ -276,7 +277,7 @@ def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
         dc_pid: dc-PID's kernels.
         Memory: `PlusMemory` or `PlusPreviousMemory`, whichever holds dc-PID's memory.
     """
-    start_nominal, command_nominal, delivered_nominal = dc_pid
+    start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):
@@ -295,7 +296,13 @@ def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
         nominal, beside = inform(delivered_nominal, numbers, chain, estimate, memory, delivery)
         return Memory(nominal, beside)
 
-    return LawKernels(start, command, delivered)
+    @kernel
+    def relieved(numbers, chain, estimate, memory, wrench):
+        b = memory.beside
+        observer = less(numbers.observer, b.observer, wrench)
+        return Memory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
+
+    return LawKernels(start, command, delivered, relieved)
 
 
 class BothChains(NamedTuple):

@@ -118,7 +118,7 @@ def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) 
         answer: Kernel that gives the command and these three; arguments as in `dc_pid_plus`.
         untouched: Kernel that gives the contact's memory at the start.
     """
-    start_nominal, command_nominal, delivered_nominal = dc_pid
+    start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):

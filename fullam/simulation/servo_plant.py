@@ -28,6 +28,7 @@ from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
 from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
 from fullam.simulation.payload import LoadView, load, load_rows
+from fullam.simulation.payload_carrying import Carried
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -85,6 +86,10 @@ class ServoPlant(Plant):
         self.touches: Rows = self._empty(Vector, around.kept)
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
+        known = [body for body in payloads if body.known]
+        learned = [body for body in payloads if not body.known and settings.payload == "learned"]
+        if known or learned:
+            self.carried = Carried(plan.nominal, period, own, known, learned)
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             own,
@@ -105,6 +110,8 @@ class ServoPlant(Plant):
         self._memory.array[:, 1:] = 0.0
         for rows in (self._slopes, self._sums, self.goals, self.seen.motions):
             rows.array[:] = 0.0
+        if self.carried is not None:
+            self.carried.begin()
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""
@@ -132,6 +139,8 @@ class ServoPlant(Plant):
         if self.loads is not None:
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
+        if self.carried is not None:
+            stages |= self._carrying(self.carried)
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.seen.motions, self.entries)
             stages["record arm"] = Stage(record_arm, view)
@@ -147,12 +156,33 @@ class ServoPlant(Plant):
                 stages["record touch"] = Stage(record_touch, touched)
         return stages
 
+    @property
+    def _arm_links(self) -> Rows:
+        """The links as the servos' goals and the twin know them."""
+        return self.seen.links if self.carried is None else self.carried.links
+
+    def _carrying(self, carried: Carried) -> dict[str, Stage]:
+        a, seen = self.around, self.seen
+        placed = seen.joints, seen.rows, a.estimate
+        stages = carried.stages(*placed, a.target, a.command, a.delivery)
+        if carried.learner is not None:
+            stages["learn"] = carried.learner.stage(
+                links=seen.links,
+                joints=seen.joints,
+                motions=seen.motions,
+                joint_rows=seen.rows,
+                estimate=a.estimate,
+                ahead=a.tables.ahead,
+                delivery=a.delivery,
+            )
+        return stages
+
     def _goal_view(self) -> GoalView:
         t = self.around.tables
         shares = FEED_FORWARD[self.settings.feed_forward]
         return GoalView(
             Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
-            self.seen.links,
+            self._arm_links,
             self.servos,
             t.motions,
             t.joint_rows,
@@ -180,7 +210,7 @@ class ServoPlant(Plant):
             self.around.estimate,
             self._memory,
             self._twin_room,
-            PlaceView(self.seen.links, seen.motions, seen.joints, seen.centers),
+            PlaceView(self._arm_links, seen.motions, seen.joints, seen.centers),
         )
 
     def _twin_steps(self, period: float) -> float:
@@ -222,7 +252,8 @@ class ServoPlant(Plant):
 
     def remembered(self) -> Sequence[Rows]:
         """See `Plant`."""
-        return self.arm, self._memory, self.goals
+        carried = () if self.carried is None else self.carried.remembered()
+        return self.arm, self._memory, self.goals, *carried
 
     def steered_by(self, arm: Any, centers: Any, rows: Any) -> dict[str, dict[str, Any]]:
         """See `Plant`: the hand moves what the servos are asked."""
