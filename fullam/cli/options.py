@@ -288,11 +288,20 @@ def contenders(arguments: argparse.Namespace, tuned: bool = False) -> tuple[Cont
 
 
 def plant_choices(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the arguments of `PLANT` change of the simulation's settings."""
-    changes: dict[str, Any] = {"plant": arguments.plant} if arguments.plant else {}
+    """What the arguments of `PLANT` change of the simulation's settings.
+
+    Settings without a plant are for the one that the scenario needs, if there is one scenario.
+    """
+    from fullam.simulation.scenario import Scenario, load_scenario
+
+    plant, changes = arguments.plant, {}
+    scenario = getattr(arguments, "scenario", None)
     if arguments.plant_set:
         changes["plant_settings"] = dict(arguments.plant_set)
-    return changes
+        if plant is None and scenario is not None:
+            known = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+            plant = known.plant
+    return changes if plant is None else changes | {"plant": plant}
 
 
 def simulation_settings(arguments: argparse.Namespace) -> SimulationSettings:
