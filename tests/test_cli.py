@@ -422,6 +422,8 @@ def test_another_plant_flies(fullam, tmp_path):
 
 def test_settings_of_a_plant_are_for_the_one_that_the_scenario_needs(fullam, tmp_path):
     scenario, record = tmp_path / "short.toml", tmp_path / "run.npz"
-    scenario.write_text(SHORT + '[[world]]\nkind = "plane"\npoint = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n')
+    scenario.write_text(
+        SHORT + '[[world]]\nkind = "plane"\npoint = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n'
+    )
     fullam("run", scenario, "--plant-set", "feedback=truth", "--calm", "--out", record)
     assert Run.load(record).simulation.plant_settings == {"feedback": "truth"}
