@@ -43,7 +43,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fullam.control.dc_pid import PidMemory, PreviousMemory
-from fullam.control.dc_pid_plus import Beside, DcPidPlusNumbers, Perception, answered, perceived
+from fullam.control.dc_pid_plus import Beside, DcPidPlusNumbers
 from fullam.control.signals import Target
 from fullam.control.tare import (
     TareMemory,
@@ -56,7 +56,7 @@ from fullam.control.tare import (
 )
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.numbers.kernel import Number, absolute, clip, kernel, minimum, select
-from fullam.numbers.vectors import axpy, dot
+from fullam.numbers.vectors import axpy
 
 
 @dataclass(frozen=True)
@@ -173,27 +173,10 @@ def displaced(n, contact, target):
 
 
 @kernel
-def admittance(law, delivered, numbers, chain, estimate, target, memory):
-    """The command and the three parts of the memory; arguments as in `dc_pid_plus`."""
-    contact, n = numbers.contact, numbers.contact.tare.normal
-    seen = perceived(numbers.plus, chain, estimate, memory.beside)
-    d = seen.observer.wrench
-    along = dot(d.linear, n)
-    pushing = engaged(contact.tare, memory.contact.tare)
-    after = yielded(contact, memory.contact, along)
-    held = axpy(after.tare.value - along, n, d.linear)
-    cancelled = Spatial(select(pushing, held, d.linear), d.angular)
-    answer, nominal, beside = answered(
-        law,
-        delivered,
-        numbers.plus,
-        chain,
-        estimate,
-        select(pushing, displaced(n, after, target), target),
-        memory,
-        Perception(seen.caution, seen.factors, seen.observer, cancelled),
-    )
-    return answer, nominal, beside, after
+def contact(numbers, memory, along, estimate, target):
+    """The virtual mass moves, and takes the target with it; see `Touching`."""
+    after = yielded(numbers, memory, along)
+    return after, displaced(numbers.tare.normal, after, target), after.tare.value - along
 
 
 class Admittance(Touching):
@@ -203,7 +186,7 @@ class Admittance(Touching):
     Settings = AdmittanceSettings
     settings: AdmittanceSettings
     memories = Memory, MemoryOfPrevious
-    touching = admittance, untouched
+    contact_kernels = contact, untouched
 
     def numbers(self) -> Any:
         """See `AdmittanceNumbers`."""

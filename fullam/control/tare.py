@@ -16,12 +16,21 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fullam.checks import Checker
-from fullam.control.dc_pid_plus import DcPidPlus, DcPidPlusSettings, inform, start_beside
+from fullam.control.dc_pid_plus import (
+    DcPidPlus,
+    DcPidPlusSettings,
+    Perception,
+    answered,
+    inform,
+    perceived,
+    start_beside,
+)
 from fullam.control.law import LawKernels
 from fullam.control.signals import Command, Estimate, Target
+from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import SettingsError
 from fullam.numbers.kernel import Number, both, kernel, select
-from fullam.numbers.vectors import Vector
+from fullam.numbers.vectors import Vector, axpy, dot
 
 Kernel = Callable[..., Any]
 
@@ -108,15 +117,52 @@ def weighed(numbers, memory, along):
     return TareMemory(memory.elapsed + 1.0, select(weighing, mean, memory.value))
 
 
+@kernel
+def touching(contact, law, delivered, numbers, chain, estimate, target, memory):
+    """dc-PID+ that, while it pushes, goes where the contact wants and cancels what it leaves.
+
+    Args:
+        contact: The kernel `contact` of a law that touches; see `Touching`.
+        law: The kernel `command` of dc-PID, a function.
+        delivered: Its kernel `delivered`.
+        numbers: dc-PID+'s and the contact's.
+        chain: The nominal vehicle with its arm in motion.
+        estimate: What is told of the platform.
+        target: Where it should be.
+        memory: dc-PID's, what is beside it, and the contact's.
+
+    Returns:
+        The command, and the three parts of the memory.
+    """
+    tare = numbers.contact.tare
+    seen = perceived(numbers.plus, chain, estimate, memory.beside)
+    d = seen.observer.wrench
+    along = dot(d.linear, tare.normal)
+    pushing = engaged(tare, memory.contact.tare)
+    after, aim, change = contact(numbers.contact, memory.contact, along, estimate, target)
+    held = select(pushing, axpy(change, tare.normal, d.linear), d.linear)
+    answer, nominal, beside = answered(
+        law,
+        delivered,
+        numbers.plus,
+        chain,
+        estimate,
+        select(pushing, aim, target),
+        memory,
+        Perception(seen.caution, seen.factors, seen.observer, Spatial(held, d.angular)),
+    )
+    return answer, nominal, beside, after
+
+
 @cache
-def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) -> LawKernels:
+def around(dc_pid: LawKernels, Memory: type, contact: Kernel, untouched: Kernel) -> LawKernels:
     """A law that touches around the kernels of dc-PID; as `dc_pid_plus.around`.
 
     Args:
         dc_pid: dc-PID's kernels.
         Memory: What holds dc-PID's memory, what is beside it, and the contact's.
-        answer: Kernel that gives the command and these three; arguments as in `dc_pid_plus`.
-        untouched: Kernel that gives the contact's memory at the start.
+        contact: The kernel `contact`; see `Touching`.
+        untouched: The kernel `untouched`.
     """
     start_nominal, command_nominal, delivered_nominal = dc_pid
 
@@ -128,10 +174,10 @@ def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) 
 
     @kernel
     def command(numbers, chain, estimate, target, memory):
-        command, nominal, beside, contact = answer(
-            command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
+        command, nominal, beside, after = touching(
+            contact, command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
         )
-        return command, Memory(nominal, beside, contact)
+        return command, Memory(nominal, beside, after)
 
     @kernel
     def delivered(numbers, chain, estimate, memory, delivery):
@@ -145,15 +191,24 @@ def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) 
 class Touching(DcPidPlus):
     """dc-PID+ that touches along one direction; subclasses say how.
 
+    They give two kernels,
+
+        contact(numbers, memory, along, estimate, target) -> memory, target, change
+        untouched() -> memory
+
+    of which `contact` is told what the observer sees along n [N], and answers with the contact's
+    memory one period on, the target while the law pushes, and by how much what is cancelled along
+    n then differs from what is seen there [N]: it is at the tare with tare - along.
+
     Attributes:
         memories: What holds the law's memory, with "exact" compensation and "previous_wrench".
-        touching: The kernels `answer` and `untouched`; see `around`.
+        contact_kernels: The kernels `contact` and `untouched`.
     """
 
     touches = True
     settings: TouchingSettings
     memories: ClassVar[tuple[type, type]]
-    touching: ClassVar[tuple[Kernel, Kernel]]
+    contact_kernels: ClassVar[tuple[Kernel, Kernel]]
 
     @property
     def Memory(self) -> type:  # type: ignore[override]
@@ -163,7 +218,7 @@ class Touching(DcPidPlus):
     @property
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
-        return around(super(DcPidPlus, self).kernels, self.Memory, *self.touching)
+        return around(super(DcPidPlus, self).kernels, self.Memory, *self.contact_kernels)
 
     @property
     def tare(self) -> float:
@@ -174,8 +229,8 @@ class Touching(DcPidPlus):
         def law(numbers: Any, _: Any, estimate: Any, target: Any, memory: Any) -> Any:
             return self.nominal(numbers, chain.of_model, estimate, target, memory)
 
-        of_dc_pid, (answer, _) = super(DcPidPlus, self).kernels.delivered, self.touching
-        command, *memory = answer(
-            law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
+        of_dc_pid, (contact, _) = super(DcPidPlus, self).kernels.delivered, self.contact_kernels
+        command, *memory = touching(
+            contact, law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
         )
         return command, self.Memory(*memory)
