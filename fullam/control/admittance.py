@@ -42,8 +42,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fullam.control.dc_pid import PidMemory, PreviousMemory
-from fullam.control.dc_pid_plus import Beside, DcPidPlusNumbers
+from fullam.control.dc_pid_plus import DcPidPlusNumbers
 from fullam.control.signals import Target
 from fullam.control.tare import (
     TareMemory,
@@ -120,22 +119,6 @@ class Numbers(NamedTuple):
     contact: AdmittanceNumbers
 
 
-class Memory(NamedTuple):
-    """dc-PID+'s memory and the contact's."""
-
-    nominal: PidMemory
-    beside: Beside
-    contact: AdmittanceMemory
-
-
-class MemoryOfPrevious(NamedTuple):
-    """The same with "previous_wrench"."""
-
-    nominal: PreviousMemory
-    beside: Beside
-    contact: AdmittanceMemory
-
-
 @kernel
 def untouched():
     """The contact's memory at the start."""
@@ -185,7 +168,7 @@ class Admittance(Touching):
     name = "admittance"
     Settings = AdmittanceSettings
     settings: AdmittanceSettings
-    memories = Memory, MemoryOfPrevious
+    contact_memory = AdmittanceMemory
     contact_kernels = contact, untouched
 
     def numbers(self) -> Any:

@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fullam.control.dc_pid import PidMemory, PreviousMemory
-from fullam.control.dc_pid_plus import Beside, DcPidPlusNumbers
+from fullam.control.dc_pid_plus import DcPidPlusNumbers
 from fullam.control.signals import Target
 from fullam.control.tare import (
     TareMemory,
@@ -86,22 +85,6 @@ class HybridNumbers(NamedTuple):
     contact: ForceNumbers
 
 
-class HybridMemory(NamedTuple):
-    """dc-PID+'s memory and the contact's."""
-
-    nominal: PidMemory
-    beside: Beside
-    contact: ForceMemory
-
-
-class HybridPreviousMemory(NamedTuple):
-    """The same with "previous_wrench"."""
-
-    nominal: PreviousMemory
-    beside: Beside
-    contact: ForceMemory
-
-
 @kernel
 def untouched():
     """The contact's memory at the start."""
@@ -148,7 +131,7 @@ class HybridForce(Touching):
     name = "hybrid-force"
     Settings = HybridForceSettings
     settings: HybridForceSettings
-    memories = HybridMemory, HybridPreviousMemory
+    contact_memory = ForceMemory
     contact_kernels = contact, untouched
 
     def numbers(self) -> Any:

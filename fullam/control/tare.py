@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from fullam.checks import Checker
 from fullam.control.dc_pid_plus import (
+    Beside,
     DcPidPlus,
     DcPidPlusSettings,
     Perception,
@@ -33,6 +34,8 @@ from fullam.numbers.kernel import Number, both, kernel, select
 from fullam.numbers.vectors import Vector, axpy, dot
 
 Kernel = Callable[..., Any]
+Nominal = TypeVar("Nominal")
+Contact = TypeVar("Contact")
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,14 @@ class TareMemory(NamedTuple):
     value: Number
 
 
+class TouchingMemory(NamedTuple, Generic[Nominal, Contact]):
+    """What `PlusMemory` holds, and the contact's memory, which begins with its tare."""
+
+    nominal: Nominal
+    beside: Beside
+    contact: Contact
+
+
 def tare_numbers(settings: TouchingSettings, period: float) -> TareNumbers:
     """When to weigh and to push, in control periods [s]."""
     return TareNumbers(
@@ -129,7 +140,7 @@ def touching(contact, law, delivered, numbers, chain, estimate, target, memory):
         chain: The nominal vehicle with its arm in motion.
         estimate: What is told of the platform.
         target: Where it should be.
-        memory: dc-PID's, what is beside it, and the contact's.
+        memory: `TouchingMemory`.
 
     Returns:
         The command, and the three parts of the memory.
@@ -155,35 +166,28 @@ def touching(contact, law, delivered, numbers, chain, estimate, target, memory):
 
 
 @cache
-def around(dc_pid: LawKernels, Memory: type, contact: Kernel, untouched: Kernel) -> LawKernels:
-    """A law that touches around the kernels of dc-PID; as `dc_pid_plus.around`.
-
-    Args:
-        dc_pid: dc-PID's kernels.
-        Memory: What holds dc-PID's memory, what is beside it, and the contact's.
-        contact: The kernel `contact`; see `Touching`.
-        untouched: The kernel `untouched`.
-    """
+def around(dc_pid: LawKernels, contact: Kernel, untouched: Kernel) -> LawKernels:
+    """A law that touches around the kernels of dc-PID; for its own two see `Touching`."""
     start_nominal, command_nominal, delivered_nominal = dc_pid
 
     @kernel
     def start(numbers, chain, estimate):
         nominal = start_nominal(numbers.plus.nominal, chain, estimate)
         beside = start_beside(numbers.plus, chain, estimate)
-        return Memory(nominal, beside, untouched())
+        return TouchingMemory(nominal, beside, untouched())
 
     @kernel
     def command(numbers, chain, estimate, target, memory):
         command, nominal, beside, after = touching(
             contact, command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
         )
-        return command, Memory(nominal, beside, after)
+        return command, TouchingMemory(nominal, beside, after)
 
     @kernel
     def delivered(numbers, chain, estimate, memory, delivery):
         plus = numbers.plus
         nominal, beside = inform(delivered_nominal, plus, chain, estimate, memory, delivery)
-        return Memory(nominal, beside, memory.contact)
+        return TouchingMemory(nominal, beside, memory.contact)
 
     return LawKernels(start, command, delivered)
 
@@ -201,24 +205,24 @@ class Touching(DcPidPlus):
     n then differs from what is seen there [N]: it is at the tare with tare - along.
 
     Attributes:
-        memories: What holds the law's memory, with "exact" compensation and "previous_wrench".
+        contact_memory: Record of what the law remembers of the contact.
         contact_kernels: The kernels `contact` and `untouched`.
     """
 
     touches = True
     settings: TouchingSettings
-    memories: ClassVar[tuple[type, type]]
+    contact_memory: ClassVar[type]
     contact_kernels: ClassVar[tuple[Kernel, Kernel]]
 
     @property
-    def Memory(self) -> type:  # type: ignore[override]
+    def Memory(self) -> Any:  # type: ignore[override]
         """What the law remembers."""
-        return self.memories[self.previous]
+        return TouchingMemory[super(DcPidPlus, self).Memory, self.contact_memory]  # type: ignore[misc]
 
     @property
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
-        return around(super(DcPidPlus, self).kernels, self.Memory, *self.contact_kernels)
+        return around(super(DcPidPlus, self).kernels, *self.contact_kernels)
 
     @property
     def tare(self) -> float:
@@ -233,4 +237,4 @@ class Touching(DcPidPlus):
         command, *memory = touching(
             contact, law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
         )
-        return command, self.Memory(*memory)
+        return command, TouchingMemory(*memory)
