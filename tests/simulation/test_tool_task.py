@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from altered_vehicles import with_joint, without_arm
 
 import fullam
 from fullam.analysis.campaign import Campaign
@@ -11,7 +12,6 @@ from fullam.analysis.judged import fly_judged
 from fullam.analysis.tool_error import AskedTool
 from fullam.dynamics.pose_space import euler_from_pose, pose_from_euler
 from fullam.exceptions import ScenarioError
-from fullam.model.vehicle import Vehicle
 from fullam.simulation import arm_motion
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.many import fly_many
@@ -153,17 +153,10 @@ def test_joints_stay_within_their_limits_when_the_path_would_take_them_out(vehic
 
 def made_of(name):
     """A vehicle: hextilt, or the default one with another kind of joint 4 or no arm."""
-    vehicle = fullam.load_vehicle("fullam")
     if name in ("prismatic", "continuous"):
-        begin = vehicle.urdf.index('<joint name="joint_4"')
-        end = vehicle.urdf.index("</joint>", begin)
-        joint = vehicle.urdf[begin:end].replace('type="revolute"', f'type="{name}"')
-        urdf = vehicle.urdf[:begin] + joint + vehicle.urdf[end:]
-        return Vehicle.from_definition(vehicle.definition, urdf)
+        return with_joint("joint_4", name)
     if name == "no arm":
-        definition = {k: v for k, v in vehicle.definition.items() if k not in ("arm", "design")}
-        held = {"name": name, "held": dict.fromkeys(vehicle.arm_joints, 0.2)}
-        return Vehicle.from_definition(definition | held, vehicle.urdf)
+        return without_arm()
     return fullam.load_vehicle(name)
 
 
