@@ -66,12 +66,15 @@ class Plant(ABC):
         seen: The arm as the controller sees it.
         arm: The true motion of the joints, rows of `JointMotion`; None if it is `seen.motions`.
         touches: The force of the world on the tool, a row a period; None where nothing is touched.
+        tool: Where the tool is in the world [m], a row a period, for flights that keep a track;
+            None where nothing is asked of it, and where the arm follows its motion exactly.
     """
 
     name: ClassVar[str]
     seen: SeenArm
     arm: Rows | None = None
     touches: Rows | None = None
+    tool: Rows | None = None
 
     def __init__(self, around: Surroundings) -> None:
         """Make the rows."""

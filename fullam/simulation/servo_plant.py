@@ -41,6 +41,7 @@ from fullam.simulation.servo_motion import (
     record_arm,
     servo_stage,
 )
+from fullam.simulation.tool_track import ToolView, tool_point, write_tool
 
 Array = NDArray[np.float64]
 
@@ -83,6 +84,8 @@ class ServoPlant(Plant):
         self.world = world_rows(plan.nominal, surfaces) if surfaces else None
         self._contact = no_contact if self.world is None else touch
         self.touches: Rows = self._empty(Vector, around.kept)
+        if plan.scenario.tool is not None and not around.kept:
+            self.tool = self._empty(Vector, around.tables.periods)
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
@@ -132,9 +135,14 @@ class ServoPlant(Plant):
         if self.loads is not None:
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
+        if self.tool is not None:
+            point = tool_point(self.around.tables.plan.nominal)
+            room = self._room.joints
+            view = ToolView(self.around.state, self.seen.links, self.arm, room, point, self.tool)
+            stages["record tool"] = Stage(write_tool, view)
         if self.around.kept:
-            view = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
-            stages["record arm"] = Stage(record_arm, view)
+            joints = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
+            stages["record arm"] = Stage(record_arm, joints)
             if self.world is not None:
                 touched = TouchView(
                     self.around.state,
