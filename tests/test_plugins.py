@@ -13,7 +13,7 @@ import fullam
 from fullam import ownership, plugins
 from fullam.cli import main
 from fullam.control.controllers import CONTROLLERS
-from fullam.exceptions import FullamWarning, PluginError, UnknownName
+from fullam.exceptions import FullamWarning, KernelError, PluginError, UnknownName
 from fullam.ownership import LOADED, owner_of
 from fullam.plugins import load_plugin
 from fullam.simulation.scenario import scenario_names
@@ -353,6 +353,34 @@ def test_new_kernels_fly_what_the_class_flies(law):
     assert runs[0].saturated.any(), "both are told what they do not get"
     # Rounding of two engines, fed back over a hundred periods.
     np.testing.assert_allclose(runs[0].pose, runs[1].pose, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "says"),
+    [
+        (
+            "return Command(wrench, a, compensation), Memory(integral, memory.integral)",
+            "pass",
+            "None",
+        ),
+        ("return Command(wrench, a, compensation), Memory", "return Memory", "Memory\\(integral="),
+        ("Command(wrench, a, compensation)", "Command(wrench, a, a[0])", "Command\\(wrench="),
+        (
+            "return Memory(memory.before, memory.before)",
+            "return memory.before",
+            "Spatial\\(linear=",
+        ),
+    ],
+)
+def test_a_kernel_that_answers_something_else_is_told_so(law, line, instead, says):
+    assert main(["new", "controller", "answers.py", "--kernel"]) == 0
+    text = Path("answers.py").read_text(encoding="utf-8")
+    assert line in text
+    Path("answers.py").write_text(text.replace(line, instead), encoding="utf-8")
+    load_plugin("answers.py")
+    far = fullam.Scenario("far", reference=fullam.Step((0.0, 0.0, 4.0)), duration=1)
+    with pytest.raises(KernelError, match=f"law 'answers': kernel .*: answers {says}"):
+        fullam.simulate(far, "answers", shaping={"max_acceleration": None})
 
 
 def test_shaping_is_the_scenarios_whatever_class_flies(law):

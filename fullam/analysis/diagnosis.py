@@ -21,7 +21,7 @@ from fullam.analysis.margins import LoopMargins, flight_margins
 from fullam.analysis.metrics import measure
 from fullam.analysis.pushed import as_kernels
 from fullam.analysis.sensing import sensor_warning
-from fullam.analysis.touching import contact_of
+from fullam.analysis.touching import contact_of, unsettled_axes
 from fullam.checks import Checker
 from fullam.control.controllers import recommended_estimator, suits
 from fullam.dynamics.rotations import quaternion_rotation
@@ -248,13 +248,13 @@ def _governor(run: Run, vehicle: Vehicle) -> list[Finding]:
 
 def _unsettled(run: Run, vehicle: Vehicle) -> list[Finding]:
     """Nothing was in its way, and yet an axis does not settle."""
-    axes = measure(run, vehicle).axes.items()
-    late = [(name, axis) for name, axis in axes if axis.settling_time_s is None]
+    metrics = measure(run, vehicle)
+    late = [(name, metrics.axes[name]) for name in unsettled_axes(run, metrics)]
     if not late:
         return []
     told = ", ".join(f"{name} ({axis.rms:.2g} {axis.unit} RMS)" for name, axis in late)
     if contact_of(run) is not None:
-        remedy = "along the normal of a law that pushes so it should be; else target what is free"
+        remedy = "target what is free, or push with a law that touches (hybrid-force, admittance)"
         return [Finding("contact", f"{told} is off its target, and the tool touches", remedy)]
     own = recommended_estimator("dc-pid-plus")
     remedy = f"see it --calm; a longer flight, or less noise to the law (dc-pid-plus with {own})"

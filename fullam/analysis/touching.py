@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fullam.analysis.metrics import Metrics
 from fullam.control.admittance import Admittance
 from fullam.control.controllers import CONTROLLERS
 from fullam.control.hybrid_force import HybridForce
@@ -69,11 +70,34 @@ def contact_of(run: Run) -> Contact | None:
     )
 
 
+def pushed_axes(run: Run) -> tuple[str, ...]:
+    """Position axes that the law gave up to push along them; none if it does not push, or missed.
+
+    An axis counts if the law's normal has more than a tenth of its length along it.
+    """
+    law = CONTROLLERS.get(run.controller)
+    if law is None or not law.touches or contact_of(run) is None:
+        return ()
+    n = np.abs(np.asarray(run.settings["normal"], dtype=float))
+    along = n > 0.1 * np.linalg.norm(n)
+    return tuple(name for name, pushed in zip("xyz", along, strict=True) if pushed)
+
+
+def unsettled_axes(run: Run, metrics: Metrics) -> tuple[str, ...]:
+    """Axes that did not settle although the law was to hold them."""
+    late = (name for name, axis in metrics.axes.items() if axis.settling_time_s is None)
+    return tuple(name for name in late if name not in pushed_axes(run))
+
+
 def contact_warning(run: Run) -> str | None:
-    """That a law touched something without knowing of contacts, in a line; else None."""
+    """That a law touched something without knowing of contacts, in a line; else None.
+
+    What a scenario is made for is no accident.
+    """
     found = contact_of(run)
     law = CONTROLLERS.get(run.controller)
-    if found is None or law is None or law.touches:
+    meant = run.controller == run.scenario.controller
+    if found is None or law is None or law.touches or meant:
         return None
     return (
         f"{run.controller} {found}; it holds its position against what it touches and winds up: "

@@ -32,8 +32,9 @@ def export(arguments: argparse.Namespace) -> int:
     from fullam.simulation.run import Run
     from fullam.simulation.run_export import FORMATS as writers
 
+    record = Run.load(arguments.run)
     out = arguments.out or Path(arguments.run).with_suffix(f".{arguments.to}")
     if arguments.out is None and out.exists():  # it may be the CSV that the motion came from
         raise RunFileError(str(out), "--out", "is not given and the file exists", "name it there")
-    say(f"{arguments.to} saved to {writers[arguments.to](Run.load(arguments.run), out)}")
+    say(f"{arguments.to} saved to {writers[arguments.to](record, out)}")
     return OK

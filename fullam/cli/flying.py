@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from fullam.simulation.flight_plan import FlightPlan
     from fullam.simulation.run import Run
 
+MOST_JOINTS = 12
+"""Of a scene's joints, told of at the prompt."""
+
 
 @verb(
     "run",
@@ -35,7 +38,10 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged or
     swings about its target.
     """
-    flight = prepared(arguments, *options.law(arguments))
+    from fullam.simulation.scenario import load_scenario
+
+    arguments.scenario = load_scenario(arguments.scenario)
+    flight = prepared(arguments, *options.law(arguments, arguments.scenario.controller))
     tell_of_failure(flight)
     warn_of_reach(flight)
     warn_of_loop(flight)
@@ -123,19 +129,29 @@ def findings_of(run: Run, metrics: Metrics) -> list[Finding]:
     """What was in the way of a flight that diverged, swings or has not settled."""
     from fullam.analysis.diagnosis import diagnose
 
-    return diagnose(run) if len(run) and not (run.well and metrics.settled) else []
+    return diagnose(run) if len(run) and not (run.well and settled(run, metrics)) else []
+
+
+def settled(run: Run, metrics: Metrics) -> bool:
+    """Whether every axis settled that the law was to hold, and not to push along."""
+    from fullam.analysis.touching import unsettled_axes
+
+    return metrics.settled or not unsettled_axes(run, metrics)
 
 
 def contact_data(run: Run) -> dict[str, Any]:
-    """What the tool touched, for machines; nothing if it touched nothing."""
+    """What the tool touched and what moved around it, for machines; nothing if nothing did."""
+    from fullam.analysis.scene_motion import scene_motions
     from fullam.analysis.touching import contact_of
 
-    found = contact_of(run)
-    return {} if found is None else {"contact": found.to_dict()}
+    contact, moved = contact_of(run), [motion.to_dict() for motion in scene_motions(run)]
+    found: dict[str, Any] = {} if contact is None else {"contact": contact.to_dict()}
+    return found | ({"scene": moved} if moved else {})
 
 
 def explain(run: Run, metrics: Metrics) -> None:
-    """Say what the tool touched; how a flight that was not well went, and what was in its way."""
+    """Say what was touched and moved; how a flight that was not well went, what was in its way."""
+    from fullam.analysis.scene_motion import scene_motions
     from fullam.analysis.touching import contact_of, contact_warning
 
     contact, warning = contact_of(run), contact_warning(run)
@@ -143,9 +159,11 @@ def explain(run: Run, metrics: Metrics) -> None:
         complain(warning)
     elif contact is not None:
         say(f"\ncontact: {contact}")
+    for motion in scene_motions(run)[:MOST_JOINTS]:
+        say(f"scene: {motion}")
     if not run.well:
         say(f"\n{run.outcome.upper()}, {run.controller}: {run.metadata['reason']}")
-    elif not metrics.settled:
+    elif not settled(run, metrics):
         say(f"\nNOT SETTLED, {run.controller}")
     for finding in findings_of(run, metrics):
         say(f"- {finding}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from fullam.cli.options import JSON
+from fullam.cli.options import DEFAULT, JSON
 from fullam.cli.output import say, say_json, table
 from fullam.cli.verbs import OK, verb
 
@@ -16,7 +16,7 @@ def registered() -> dict[str, dict[str, str]]:
     from fullam.control.estimators import estimator_class, estimator_names
     from fullam.model.loading import load_vehicle, vehicle_names
     from fullam.ownership import owner_of
-    from fullam.simulation.scenario import load_scenario, scenario_names
+    from fullam.simulation.scenario import Scenario, load_scenario, scenario_names
     from fullam.simulation.sensor_errors import SensorErrors
     from fullam.simulation.weather import WEATHERS
 
@@ -24,8 +24,12 @@ def registered() -> dict[str, dict[str, str]]:
         plugin = owner_of(kind, name)
         return _summary(thing) + (f" [{plugin.name}]" if plugin else "")
 
+    def experiment(scenario: Scenario) -> str:
+        own = scenario.controller
+        return scenario.description + (f" ({own})" if own != DEFAULT else "")
+
     return {
-        "scenarios": {name: load_scenario(name).description for name in scenario_names()},
+        "scenarios": {name: experiment(load_scenario(name)) for name in scenario_names()},
         "vehicles": {name: load_vehicle(name).description for name in vehicle_names()},
         "controllers": {
             name: summary("controller", name, controller_class(name)) for name in controller_names()

@@ -23,7 +23,7 @@ MOST_SEEDS = 10_000
 FIGURE_FORMATS = (".pdf", ".png", ".svg")
 
 DEFAULT = "dc-pid"
-"""Who flies if nobody is named."""
+"""Who flies if nobody is named, and the scenario names nobody."""
 
 
 def run_path(text: str) -> Path:
@@ -195,7 +195,7 @@ LAW = (
     argument(
         "--controller",
         metavar="NAME",
-        help="(default: dc-pid, or the one that --settings is for)",
+        help="(default: the one that --settings or the scenario is for, in free flight dc-pid)",
     ),
     argument(
         "--settings",
@@ -244,8 +244,12 @@ def flight_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def law(arguments: argparse.Namespace) -> tuple[str, Any]:
+def law(arguments: argparse.Namespace, default: str = DEFAULT) -> tuple[str, Any]:
     """Controller and settings from the arguments of `LAW`: those of the file, then --set.
+
+    Args:
+        arguments: Those of `LAW`.
+        default: Who flies if neither they nor the file name somebody.
 
     Raises:
         SettingsError: A setting that it does not have, or a value of the wrong kind; or a file of
@@ -256,7 +260,7 @@ def law(arguments: argparse.Namespace) -> tuple[str, Any]:
     changes, file = dict(arguments.set), None
     if arguments.settings is not None:
         file = load_settings(arguments.settings)
-    controller = arguments.controller or (file and file.controller) or DEFAULT
+    controller = arguments.controller or (file and file.controller) or default
     if file is not None:
         make_settings(controller, file)
         return controller, file.changed(changes)

@@ -111,9 +111,11 @@ def _fly(arguments: argparse.Namespace) -> Run:
 
 def _prepared(arguments: argparse.Namespace) -> FlightPlan:
     from fullam.cli.flying import prepared
+    from fullam.simulation.scenario import load_scenario
 
-    as_run_has_them = argparse.Namespace(**vars(arguments), scenario=arguments.target[0])
-    return prepared(as_run_has_them, *options.law(arguments))
+    scenario = load_scenario(arguments.target[0])
+    as_run_has_them = argparse.Namespace(**vars(arguments), scenario=scenario)
+    return prepared(as_run_has_them, *options.law(arguments, scenario.controller))
 
 
 def _fly_live(arguments: argparse.Namespace) -> int:
@@ -176,12 +178,16 @@ def fly_free(arguments: argparse.Namespace) -> int:
     touch the flight. From elsewhere use a tunnel: ssh -L 7000:127.0.0.1:7000 HOST.
     """
     from fullam.simulation.free import plan_of
+    from fullam.simulation.scenario import load_scenario, scenario_names
 
     simulation = options.simulation_settings(arguments)
     simulation.check_length(arguments.duration)
-    controller, settings = options.law(arguments)
+    subject, default = arguments.subject, options.DEFAULT
+    if subject in scenario_names():
+        default = load_scenario(subject).controller
+    controller, settings = options.law(arguments, default)
     plan = plan_of(
-        arguments.subject,
+        subject,
         controller,
         arguments.duration,
         seed=arguments.seed,

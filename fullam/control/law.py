@@ -35,17 +35,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fullam.checks import shown
 from fullam.control.controller import ALL_AXES, Controller, Measurement, ReferencePoint
 from fullam.control.signals import Command, Delivery, Estimate, Target
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import Chain, JointMotion, place_joints
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial, rotate_spatial
-from fullam.exceptions import SettingsError
+from fullam.exceptions import KernelError, SettingsError
 from fullam.model.chain import LinkChain
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.kernel import kernel, select, some
-from fullam.numbers.records import Rows, flat, record
+from fullam.numbers.records import Rows, flat, record, same_shape
+from fullam.numbers.vectors import ZERO
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
@@ -112,9 +114,14 @@ class KernelLaw(Controller):
 
     def command(self, chain: Any, estimate: Estimate, target: Target) -> Command:
         """One period: the command, and the memory one period on."""
-        if self._memory is None:
+        begins = self._memory is None
+        if begins:
             self._memory = self.kernels.start(self._numbers, chain, estimate)
-        command, self._memory = self._command(chain, estimate, target)
+        answer = self._command(chain, estimate, target)
+        if begins:  # as it answers first it answers always: kernels have no branches
+            like = Command(*[Spatial(ZERO, ZERO)] * 3), self._memory
+            self._check_answer("command", answer, like, "give command and memory, in this order")
+        command, self._memory = answer
         self._chain, self._estimate = chain, estimate
         return command
 
@@ -126,9 +133,18 @@ class KernelLaw(Controller):
 
     def inform(self, delivery: Delivery) -> None:
         """Learn what became of the last command, if bounds kept it from being delivered."""
-        self._memory = self.kernels.delivered(
+        memory = self.kernels.delivered(
             self._numbers, self._chain, self._estimate, self._memory, delivery
         )
+        self._check_answer("delivered", memory, self._memory, "give the memory")
+        self._memory = memory
+
+    def _check_answer(self, kernel: str, answer: Any, like: Any, remedy: str) -> None:
+        if not same_shape(answer, like):
+            name = getattr(type(self), "name", type(self).__name__)
+            raise KernelError(
+                f"law '{name}'", f"kernel {kernel}", f"answers {shown(answer)}", remedy
+            )
 
     def forget(self) -> None:
         """Begin anew at the next command."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import typing
 from collections.abc import Callable, Iterator
 from functools import cache
+from numbers import Real
 from operator import itemgetter
 from typing import Any
 
@@ -105,6 +106,13 @@ def _append(value: tuple[Any, ...], numbers: list[Any]) -> None:
             _append(part, numbers)
         else:
             numbers.append(part)
+
+
+def same_shape(one: Any, other: Any) -> bool:
+    """Whether two records are made of numbers in the same way."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same_shape, one, other))
+    return isinstance(one, Real) and isinstance(other, Real)
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.flown_plugins import plugins_of
 from fullam.simulation.oscillation import flight_swing
 from fullam.simulation.run import FORMAT, Run, columns_of
+from fullam.simulation.scene_joints import COLUMN, SceneJoint
 from fullam.version import __version__, version_of
 
 Array = NDArray[np.float64]
@@ -30,6 +31,7 @@ def finish(
     reason: str,
     driver: str = "python",
     touched: Mapping[str, Any] | None = None,
+    scene: Sequence[SceneJoint] = (),
 ) -> Run:
     """Turn what the stages wrote into a run.
 
@@ -41,6 +43,7 @@ def finish(
         driver: Which driver flew it.
         touched: Columns that are not the plan's because a hand changed them, and more metadata
             under "metadata".
+        scene: Joints of the scene around it, whose coordinates the log has.
     """
     changed = dict(touched or {})
     more = changed.pop("metadata", {})
@@ -77,7 +80,11 @@ def finish(
         **trim_data(plan.trim),
         **more,
     }
-    return Run({name: out[name] for name in columns_of(plan.simulation.plant)}, metadata)
+    names = [*columns_of(plan.simulation.plant)]
+    if scene:
+        metadata[COLUMN] = [joint.to_dict() for joint in scene]
+        names.append(COLUMN)
+    return Run({name: out[name] for name in names}, metadata)
 
 
 def trim_data(trim: Trim | None) -> dict[str, Any]:

@@ -140,7 +140,7 @@ class Flight:
         """The record so far."""
         self.lists.write_back()
         log = self.block.columns(self.ticks_flown)
-        return finish(self.plan, log, self.outcome, self.reason)
+        return finish(self.plan, log, self.outcome, self.reason, scene=self.block.plant.scene)
 
 
 class EstimateStage:

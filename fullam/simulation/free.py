@@ -38,7 +38,7 @@ def free_flight(vehicle: Vehicle, duration: float = LONGEST_FREE) -> Scenario:
 
 def plan_of(
     subject: Vehicle | Scenario | str,
-    controller: str = "dc-pid",
+    controller: str | None = None,
     duration: float | None = None,
     **choices: Unpack[Choices],
 ) -> FlightPlan:
@@ -46,7 +46,8 @@ def plan_of(
 
     Args:
         subject: A vehicle, its name or path, for a free flight; or a scenario or its name.
-        controller: Name of a registered controller.
+        controller: Name of a registered controller; by default the scenario's, in free flight
+            dc-PID.
         duration: When it ends at the latest [s]; `LONGEST_FREE` by default in free flight.
         **choices: As in `simulate`.
 

@@ -1,7 +1,7 @@
 """Scenarios in which the tool touches and carries things; they fly on servos.
 
 The default vehicle's arm is stretched ahead, along +x: its tool is 0.6 m from the origin of {A},
-beyond the propellers, and 60 mm below. Fly walls with `hybrid-force`, which pushes along +x with
+beyond the propellers, and 60 mm below. Walls are for `hybrid-force`, which pushes along +x with
 3 N; other laws hold their position against them, and wind up.
 """
 
@@ -36,7 +36,8 @@ spline with these velocities swings by a quarter of a metre before it begins."""
 register_scenario(
     Scenario(
         name="push-wall",
-        description="Approach a wall and push it with 3 N (fly it with hybrid-force)",
+        description="Approach a wall and push it with 3 N",
+        controller="hybrid-force",
         initial_position=HOME,
         initial_euler_deg=YAW_DEG,
         initial_arm_deg=AHEAD_DEG,
@@ -49,7 +50,8 @@ register_scenario(
 register_scenario(
     Scenario(
         name="slide-wall",
-        description="Push a wall with 3 N and slide half a metre along it (with hybrid-force)",
+        description="Push a wall with 3 N and slide half a metre along it",
+        controller="hybrid-force",
         initial_position=HOME,
         initial_euler_deg=YAW_DEG,
         initial_arm_deg=AHEAD_DEG,
@@ -63,6 +65,7 @@ register_scenario(
     Scenario(
         name="pick-and-place",
         description="Pick up 0.2 kg that nobody weighed, carry it a metre, put it down",
+        controller="dc-pid-plus",
         initial_position=HOME,
         initial_arm_deg=(-90.0, 0.0, -45.0, 0.0),
         reference=Trajectory.minimum_snap(

@@ -179,6 +179,14 @@ class InteractiveFlight(Touch):
         return np.array(self.flight.lists.of(touches)[self.period - 1])
 
     @property
+    def scene(self) -> Array | None:
+        """Coordinates of the scene's joints in the last period; None if there are none yet."""
+        moved = self.flight.block.plant.moved
+        if moved is None or self.period == 0:
+            return None
+        return np.array(self.flight.lists.of(moved)[self.period - 1])
+
+    @property
     def trim(self) -> Trim | None:
         """How it hovers without the rotors that are known to have failed; None if none is."""
         return self._change.aboard.trim
@@ -276,7 +284,8 @@ class InteractiveFlight(Touch):
             "metadata": metadata,
         }
         log = flight.block.columns(rows)
-        return finish(plan, log, outcome, flight.reason, touched=touched)
+        scene = flight.block.plant.scene
+        return finish(plan, log, outcome, flight.reason, touched=touched, scene=scene)
 
     def row(self, k: int) -> dict[str, Array]:
         """What was recorded in a period: the columns of `stages.Entry`, and those hands change."""

@@ -22,6 +22,7 @@ from fullam.model.servos import Servos
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.vectors import rotate, rotate_back
 from fullam.simulation.mujoco_contact import add_world, set_materials, tool_force
+from fullam.simulation.mujoco_scene import scene_joints
 from fullam.simulation.mujoco_spec import (
     PREFIX,
     compiled,
@@ -45,6 +46,7 @@ class Engine:
         model: MuJoCo's.
         data: MuJoCo's.
         touches: Whether there is anything to touch.
+        joints: The scene's joints, whose coordinates `scene` gives.
     """
 
     def __init__(
@@ -105,6 +107,7 @@ class Engine:
         known = {model.actuator(i).name for i in range(model.nu)}
         self._servos = [model.actuator(name).id for name in names if name in known]
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        self.joints, self._scene = scene_joints(model)
 
     @property
     def size(self) -> int:
@@ -150,6 +153,10 @@ class Engine:
     def arm(self) -> tuple[list[float], list[float]]:
         """Positions and rates of the joints."""
         return self.data.qpos[self._angles].tolist(), self.data.qvel[self._rates].tolist()
+
+    def scene(self) -> tuple[float, ...]:
+        """Coordinates of the scene's joints, as `scene_joints` has them in a record."""
+        return tuple(self.data.qpos[self._scene].tolist())
 
     def remember(self) -> tuple[float, ...]:
         """All that the next step depends on, `size` numbers."""

@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fullam.dynamics.link_rows import LinkRows
 from fullam.dynamics.recursion import JointMotion
 from fullam.dynamics.spatial import scale_spatial, subtract_spatial
@@ -23,14 +26,17 @@ from fullam.simulation.plant import State, follow
 from fullam.simulation.plant_kind import PythonStage, Surroundings
 from fullam.simulation.plant_settings import MujocoSettings, plant_settings
 from fullam.simulation.prescribed_plant import PrescribedPlant
+from fullam.simulation.scene_joints import COLUMN, width_of
 from fullam.simulation.servo_plant import ServoPlant, carrying
+
+Array = NDArray[np.float64]
 
 
 class MujocoView(NamedTuple):
     """What MuJoCo's stages are shown; `memory` is its state, which both rewrite.
 
     `goals` and `arm` are the servos', or `arm` the rows of a prescribed motion and `goals` nothing;
-    `entries` the record of what touches.
+    `entries` the record of what touches, `moved` that of the scene's joints.
     """
 
     state: Any
@@ -43,6 +49,7 @@ class MujocoView(NamedTuple):
     arm: Any
     memory: Any
     entries: Any
+    moved: Any
 
 
 class MujocoPlant(ServoPlant):
@@ -64,7 +71,10 @@ class MujocoPlant(ServoPlant):
             plan.simulation.plant_period,
             settings.tool_radius,
         )
-        self.memory = memory_of(self.engine)
+        self.memory = row_of(self.engine.size)
+        self.scene = self.engine.joints
+        if self.scene:
+            self.moved = row_of(width_of(self.scene), around.kept)
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`: there are none."""
@@ -86,6 +96,13 @@ class MujocoPlant(ServoPlant):
         """See `Plant`."""
         return *super().remembered(), self.memory
 
+    def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:
+        """See `Plant`: a servo plant's, and the scene's joints."""
+        found = super().columns(rows, lane, copy)
+        if self.moved is not None:
+            found[COLUMN] = np.array(self.moved.array[:rows])
+        return found
+
     def _mujoco_view(self) -> MujocoView:
         a = self.around
         return MujocoView(
@@ -99,6 +116,7 @@ class MujocoPlant(ServoPlant):
             self.arm,
             self.memory,
             self.touches,
+            self.moved,
         )
 
     def _enter(self, view: MujocoView, k: int) -> None:
@@ -112,12 +130,14 @@ class MujocoPlant(ServoPlant):
             engine.recall(view.memory[0])
 
     def _record_touch(self, view: MujocoView, k: int) -> None:
-        """Write the force on the tool in period k, before the vehicle moves on."""
+        """Write the force on the tool and the scene's joints in period k, before all moves on."""
         self._enter(view, k)
         engine = self.engine
         self._load_controls(view, k)
         engine.spin([speed * speed for speed in view.speeds])
         view.entries[k] = tuple(engine.tool_force().tolist())
+        if view.moved is not None:
+            view.moved[k] = engine.scene()
 
     def _load_controls(self, view: MujocoView, k: int) -> None:
         self.engine.push(view.gusts[k])
@@ -158,7 +178,7 @@ class MujocoPrescribedPlant(PrescribedPlant):
         self.engine = Engine(
             plan.true, None, plan.scenario, settings.integrator, plan.simulation.plant_period
         )
-        self.memory = memory_of(self.engine)
+        self.memory = row_of(self.engine.size)
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`: there are none."""
@@ -178,6 +198,7 @@ class MujocoPrescribedPlant(PrescribedPlant):
             self.seen.motions,
             self.memory,
             (),
+            None,
         )
         return {"move": (self._move, look(view))}
 
@@ -221,9 +242,9 @@ class MujocoPrescribedPlant(PrescribedPlant):
         view.state[0] = State(pose, twist, scale_spatial(1.0 / stepping.period, change))
 
 
-def memory_of(engine: Engine) -> Rows:
-    """One row for the engine's state."""
-    return Rows.empty(tuple[(float,) * engine.size], 1)  # type: ignore[misc]
+def row_of(size: int, count: int = 1) -> Rows:
+    """Rows of so many numbers each."""
+    return Rows.empty(tuple[(float,) * size], count)  # type: ignore[misc]
 
 
 def mean_squares(view: MujocoView) -> list[float]:

@@ -1,6 +1,6 @@
 """The scenario `peg-in-hole`, in MuJoCo: a peg at the tool is pushed into a hole near its way.
 
-Fly it with `hybrid-force`, which pushes along +x with 3 N. The hole is 20 mm wide and 40 mm deep,
+It is for `hybrid-force`, which pushes along +x with 3 N. The hole is 20 mm wide and 40 mm deep,
 the peg 16 mm thick and round at its tip; the hole lies 3 mm beside and 2 mm below the peg's way,
 so that its rounded rim has to lead the peg in, against the platform's hold on its position.
 """
@@ -46,7 +46,8 @@ SCENE = """
 register_scenario(
     Scenario(
         name="peg-in-hole",
-        description="Push a peg into a hole 3 mm off its way (with hybrid-force, in MuJoCo)",
+        description="Push a peg into a hole 3 mm off its way, in MuJoCo",
+        controller="hybrid-force",
         initial_position=HOME,
         initial_euler_deg=YAW_DEG,
         initial_arm_deg=AHEAD_DEG,

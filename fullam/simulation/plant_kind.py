@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.simulation.draws import Drawn
+from fullam.simulation.scene_joints import SceneJoint
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]
@@ -68,6 +69,8 @@ class Plant(ABC):
         touches: The force of the world on the tool, a row a period; None where nothing is touched.
         tool: Where the tool is in the world [m], a row a period, for flights that keep a track;
             None where nothing is asked of it, and where the arm follows its motion exactly.
+        scene: The joints of the scene around it, whose coordinates are a column of the record.
+        moved: Those coordinates, a row a period; None where no joint is.
     """
 
     name: ClassVar[str]
@@ -75,6 +78,8 @@ class Plant(ABC):
     arm: Rows | None = None
     touches: Rows | None = None
     tool: Rows | None = None
+    scene: tuple[SceneJoint, ...] = ()
+    moved: Rows | None = None
 
     def __init__(self, around: Surroundings) -> None:
         """Make the rows."""

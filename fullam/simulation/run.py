@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.checks import shown
+from fullam.checks import Checker, shown
 from fullam.dynamics.pose_space import euler_from_pose
-from fullam.exceptions import RunFileError
+from fullam.exceptions import RunFileError, UnknownName
 from fullam.files import atomic_path
 from fullam.model.vehicle import Vehicle
 from fullam.simulation import run_export, run_file, run_tables
 from fullam.simulation.scenario import Scenario
+from fullam.simulation.scene_joints import COLUMN, SceneJoint, part_of, read_joints
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import Weather
 
@@ -82,6 +83,10 @@ PLANT_COLUMNS: dict[str, dict[str, Column]] = {"servo": SERVO_COLUMNS, "mujoco":
 """More columns of runs of a plant, by its name."""
 
 
+SCENE = "coordinates of the scene's joints, side by side; see `Run.scene_joints`"
+"""What the column `scene` is, of runs in a scene whose joints move."""
+
+
 def columns_of(plant: str) -> dict[str, Column]:
     """Every column of a run of a plant, in order."""
     return COLUMNS | PLANT_COLUMNS.get(plant, {})
@@ -113,7 +118,8 @@ class Run:
     Each column of `COLUMNS` is an attribute: `run.pose`, `run.rotor_speeds`, ...; a plant may add
     some of `PLANT_COLUMNS`. `units` names their units. The record carries the nominal vehicle, the
     scenario, the controller's settings, the weather, the seed, the driver and the versions; `refly`
-    flies the same again from them.
+    flies the same again from them. Where joints of a scene in MJCF move, `scene` has their
+    coordinates, and `moved` those of one of them.
 
     Attributes:
         columns: Name to array, read-only, one row per controller tick.
@@ -150,6 +156,7 @@ class Run:
     arm_goal: Array
     arm_torque: Array
     contact_force: Array
+    scene: Array
 
     def __len__(self) -> int:
         """Number of controller ticks."""
@@ -174,12 +181,41 @@ class Run:
                 if column.width == "arm":
                     turned, slid = column.unit, of_sliding[column.unit]
                     units[name] = ", ".join(slid if slides else turned for slides in prismatic)
+        if self.scene_joints:
+            units[COLUMN] = "; ".join(joint.unit for joint in self.scene_joints)
         return units
 
     @property
     def meanings(self) -> dict[str, str]:
         """What each column is."""
-        return {name: column.meaning for name, column in COLUMNS.items()}
+        columns = columns_of(self.simulation.plant)
+        meanings = {name: column.meaning for name, column in columns.items()}
+        return meanings | ({COLUMN: SCENE} if COLUMN in self.columns else {})
+
+    @property
+    def scene_joints(self) -> tuple[SceneJoint, ...]:
+        """Names and kinds of the joints of the scene around it; none in most flights."""
+        return read_joints(self.metadata, Checker("run", RunFileError))
+
+    def moved(self, joint: str) -> Array:
+        """What a joint of the scene did.
+
+        Args:
+            joint: Its name, one of `scene_joints`.
+
+        Returns:
+            Angle [rad] or way [m], shape (N,); quaternion xyzw of a ball joint, by which it has
+            turned, shape (N, 4); [p, quaternion xyzw] of a free body in {W}, shape (N, 7).
+
+        Raises:
+            UnknownName: The scene has no such joint, or the record none of any.
+        """
+        joints = self.scene_joints
+        part = part_of(joints, joint)
+        if part is None:
+            raise UnknownName("joint of the scene", joint, [known.name for known in joints])
+        values = self.columns[COLUMN][:, part]
+        return values[:, 0] if values.shape[1] == 1 else values
 
     @property
     def euler_xyz(self) -> Array:
@@ -323,8 +359,9 @@ class Run:
     def to_mcap(self, path: str | Path) -> Path:
         """Write an MCAP file, for Foxglove or PlotJuggler: a topic a column, JSON messages.
 
-        The frames "platform", "estimate" and "reference" move in "world". Times are from the start
-        of the flight; numbers that are not finite are null.
+        The frames "platform", "estimate" and "reference" move in "world", and so does "scene/box"
+        for a body "box" that flies freely. Times are from the start of the flight; numbers that are
+        not finite are null.
 
         Raises:
             RunFileError: The name does not end in .mcap.

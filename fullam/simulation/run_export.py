@@ -112,6 +112,10 @@ def _topics(
         yield f"/{part.name}", _schema(part, names), _messages(part, names)
     for column, frame in FRAMES.items():
         yield f"/frames/{frame}", TRANSFORM, _transforms(run.columns[column], times, frame)
+    for joint in run.scene_joints:
+        if joint.kind == "free":
+            frame = f"scene/{joint.name}"
+            yield f"/frames/{frame}", TRANSFORM, _transforms(run.moved(joint.name), times, frame)
 
 
 def _schema(part: Part, names: tuple[str, ...]) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from fullam.model.vehicle import Vehicle
 from fullam.simulation.flown_plugins import check_plugins, require_plugins
 from fullam.simulation.interventions import read_script
 from fullam.simulation.scenario import LONGEST, Scenario
+from fullam.simulation.scene_joints import COLUMN, quaternions_of, read_joints, width_of
 from fullam.simulation.settings import MOST_TICKS, SimulationSettings
 from fullam.simulation.weather import Weather
 
@@ -42,6 +43,9 @@ UNIT_QUATERNION = 1e-3
 
 MOST_NUMBER, MOST_LAST_NUMBER = 1e9, 1e100
 """The largest number of a record, and of the tick at which a flight has diverged."""
+
+MOST_WORDS = 300
+"""Characters of what a library says of a damaged file, which may quote all of it."""
 
 UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, KeyError, TypeError),
@@ -71,12 +75,13 @@ class Format:
     metadata: tuple[str, ...]
     of_plants: Mapping[str, Mapping[str, int | str]] = field(default_factory=dict)
 
-    def widths_of(self, metadata: Mapping[str, Any]) -> dict[str, int | str]:
-        """Columns of the run with these metadata."""
+    def widths_of(self, metadata: Mapping[str, Any], check: Checker) -> dict[str, int | str]:
+        """Columns of the run with these metadata, which may have joints of a scene."""
         simulation = metadata.get("simulation")
         plant = simulation.get("plant") if isinstance(simulation, Mapping) else None
         more = self.of_plants.get(plant, {}) if isinstance(plant, str) else {}
-        return {**self.widths, **more}
+        width = width_of(read_joints(metadata, check))
+        return {**self.widths, **more, **({COLUMN: width} if width else {})}
 
 
 def read(path: Path, format: Format) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -93,11 +98,11 @@ def read(path: Path, format: Format) -> tuple[dict[str, Array], dict[str, Any]]:
             raise check.refuse("file", "does not exist", "give the path of a saved run")
         with zipfile.ZipFile(path) as archive:
             metadata = _metadata(archive, check, format)
-            arrays = _columns(archive, check, format.widths_of(metadata))
+            arrays = _columns(archive, check, format.widths_of(metadata, check))
     except UNREADABLE as error:
         raise check.refuse(
             "file",
-            f"cannot be read as a run ({type(error).__name__}: {error})",
+            f"cannot be read as a run ({type(error).__name__}: {str(error)[:MOST_WORDS]})",
             "give a file written by Run.save; this one is truncated, damaged or another's",
         ) from error
     _check_metadata(metadata, arrays, check)
@@ -120,7 +125,7 @@ def _metadata(archive: zipfile.ZipFile, check: Checker, format: Format) -> dict[
             "the scenario again",
         )
     names = {info.filename for info in archive.infolist()}
-    missing = [name for name in format.widths_of(metadata) if f"{name}.npy" not in names]
+    missing = [name for name in format.widths_of(metadata, check) if f"{name}.npy" not in names]
     missing += [name for name in format.metadata if name not in metadata]
     if missing:
         raise check.refuse("contents", f"{', '.join(missing)} missing", "save it again")
@@ -255,8 +260,10 @@ def _check_numbers(metadata: dict[str, Any], arrays: dict[str, Array], check: Ch
         for part, most in ((array[:rows], MOST_NUMBER), (array[rows:], MOST_LAST_NUMBER)):
             if (np.abs(part[np.isfinite(part)], dtype=float) > most).any():
                 raise check.refuse(name, "holds numbers beyond sense", f"at most {most:g} are read")
-    for name in QUATERNIONS:
+    quaternions = [(name, slice(3, 7)) for name in QUATERNIONS]
+    quaternions += [(COLUMN, four) for four in quaternions_of(read_joints(metadata, check))]
+    for name, four in quaternions:
         with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(arrays[name][:rows, 3:], axis=1)
+            lengths = np.linalg.norm(arrays[name][:rows, four], axis=1)
         if (np.abs(lengths - 1.0) > UNIT_QUATERNION).any():
             raise check.refuse(name, "holds no unit quaternions", "save the run again")

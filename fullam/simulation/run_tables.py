@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fullam.checks import Checker
 from fullam.exceptions import MissingDependency, RunFileError
 from fullam.files import atomic_path
+from fullam.simulation.scene_joints import COLUMN
 
 if TYPE_CHECKING:
     import pandas
@@ -42,8 +43,12 @@ COMPONENTS = {
 }
 """Names of the components of columns that have the same ones for every vehicle."""
 
+FORCE = ("x", "y", "z")
+JOINTS = ("arm", "arm_rate", "arm_goal", "arm_torque")
+"""Columns that have a number for each joint."""
+
 DIMENSIONS = {POSE: "pose_component", TWIST: "twist_component", WRENCH: "wrench_component"}
-"""Names of their dimensions in xarray; the others are "joint" and "rotor"."""
+"""Names of their dimensions in xarray; the others are "joint", "rotor" and what `parts_of` says."""
 
 EXTRA = "export"
 
@@ -84,8 +89,13 @@ def parts_of(run: Run) -> list[Part]:
     for name, values in run.columns.items():
         components = COMPONENTS.get(name, ())
         dimension = DIMENSIONS[components] if components else ""
-        if name in ("arm", "arm_rate"):
+        if name in JOINTS:
             components, dimension = joints, "joint"
+        elif name == "contact_force":
+            components, dimension = FORCE, "force_component"
+        elif name == COLUMN:
+            found.append(_scene(run, values, meanings[name]))
+            continue
         elif name in ("rotor_commands", "rotor_speeds"):
             components = tuple(str(k + 1) for k in range(values.shape[1]))
             dimension = "rotor"
@@ -95,6 +105,14 @@ def parts_of(run: Run) -> list[Part]:
             )
         )
     return found
+
+
+def _scene(run: Run, values: Array, meaning: str) -> Part:
+    """The coordinates of a scene's joints, named by these."""
+    joints = run.scene_joints
+    components = tuple(name for joint in joints for name in joint.components)
+    units = tuple(unit for joint in joints for unit in joint.units)
+    return Part(COLUMN, values, components, units, "scene_coordinate", meaning)
 
 
 def _units(text: str, components: tuple[str, ...]) -> tuple[str, ...]:

@@ -52,6 +52,7 @@ class Scenario:
         name: Short name.
         description: One sentence.
         vehicle: Name of a vehicle, or path of its TOML.
+        controller: The law that it is made for, which flies it if no other is named.
         initial_position: Position of {A} at the start [m].
         initial_euler_deg: x-y-z Euler angles at the start [deg].
         initial_arm_deg: Joint positions at the start: degrees of a revolute joint, METRES of a
@@ -76,6 +77,7 @@ class Scenario:
     reference: Reference = HOVER
     description: str = ""
     vehicle: str = "fullam"
+    controller: str = "dc-pid"
     initial_position: tuple[float, float, float] = (0.0, 0.0, 1.0)
     initial_euler_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     initial_arm_deg: tuple[float, ...] = ()
@@ -98,6 +100,7 @@ class Scenario:
         check = Checker(f"scenario {shown(self.name)}", ScenarioError)
         check.text("name", self.name)
         check.text("vehicle", self.vehicle)
+        check.text("controller", self.controller)
         check.text("description", self.description, prose=True)
         for name, size, numbers in (
             ("initial_position", 3, references.FAR),

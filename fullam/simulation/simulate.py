@@ -62,7 +62,7 @@ class Choices(TypedDict, total=False):
 
 
 def prepare(
-    scenario: Scenario | str | Path, controller: str = "dc-pid", **choices: Unpack[Choices]
+    scenario: Scenario | str | Path, controller: str | None = None, **choices: Unpack[Choices]
 ) -> FlightPlan:
     """Fix everything about a flight; arguments as in `simulate`."""
     for name in choices:
@@ -70,6 +70,7 @@ def prepare(
             known = ", ".join(Choices.__annotations__)
             raise TypeError(f"a flight has nothing named '{name}' to choose; it has {known}")
     scenario = _scenario(scenario, choices.get("shaping"))
+    controller = scenario.controller if controller is None else controller
     vehicle = choices.get("vehicle")
     if not isinstance(vehicle, Vehicle):
         vehicle = load_vehicle(scenario.vehicle if vehicle is None else vehicle)
@@ -156,7 +157,7 @@ def _scenario(
 
 def simulate(
     scenario: Scenario | str | Path,
-    controller: str = "dc-pid",
+    controller: str | None = None,
     *,
     driver: str = "python",
     progress: Progress | None = None,
@@ -167,7 +168,7 @@ def simulate(
 
     Args:
         scenario: A scenario, the name of a registered one, or the path of a TOML file.
-        controller: Name of a registered controller.
+        controller: Name of a registered controller; by default the one that the scenario is for.
         driver: Who flies it, one of `DRIVERS`: "python" flies everything, with Pinocchio as
             dynamics; "fused" flies what is written as kernels, a hundred times faster, by machine
             code. Their flights agree to rounding.

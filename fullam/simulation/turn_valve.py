@@ -10,14 +10,13 @@ Laws that hold their position keep the hoop off the wheel, and turn it by the pi
 `hybrid-force` the hoop is pushed against the wheel's face with 3 N besides, and rubs on it. Plain
 dc-PID winds up, turns late, and may miss the pin in gusts.
 
-A record has no column for the wheel's angle. `hoop_angle` bounds it; `wheel_angle` reads it in a
-flight that is flown by hand (`interactive`), which is the same bit for bit.
+A record has the wheel's angle, `run.moved("valve")`; `hoop_angle` tells how far the hoop led it.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -115,7 +114,8 @@ def path() -> Trajectory:
 def hoop_angle(run: Run) -> Array:
     """Angle of the hoop about the hinge over a flight, shape (N,) [rad].
 
-    With the pin in it, the wheel's own is within asin(PLAY / RADIUS), and behind as it turns.
+    With the pin in it, the wheel's own, `run.moved("valve")`, is within asin(PLAY / RADIUS) of it,
+    and behind as it turns.
     """
     model = run.vehicle.model
     data, frame = model.createData(), model.getFrameId(run.vehicle.tool)
@@ -128,19 +128,11 @@ def hoop_angle(run: Run) -> Array:
     return angles
 
 
-def wheel_angle(engine: Any) -> float:
-    """Angle of the wheel now [rad].
-
-    Args:
-        engine: Of a flight of this scenario, a `mujoco_engine.Engine`.
-    """
-    return float(engine.data.joint("valve").qpos[0])
-
-
 register_scenario(
     Scenario(
         name="turn-valve",
-        description="Put a hoop over a valve's pin and turn it by 100 deg (dc-pid-plus, in MuJoCo)",
+        description="Put a hoop over a valve's pin and turn it by 100 deg, in MuJoCo",
+        controller="dc-pid-plus",
         initial_position=HOME,
         initial_euler_deg=YAW_DEG,
         initial_arm_deg=AHEAD_DEG,

@@ -13,6 +13,8 @@ spin, k_f, k_tau, max_speed; see `model.definition`), their MJCF, and a scenario
     vehicle = "vehicle.toml"
     world_file = "scene.xml"
 
+Its joints are in the record: `run.scene_joints` names them, `run.moved("door")` tells what one did.
+
 A record holds the scene's text. Meshes, textures and parts of it that stand in other files it holds
 by a digest alone: to fly again, they must be where they were, and unchanged.
 """
@@ -77,10 +79,14 @@ class WorldFile:
         """See whether the files that the scene names are still what they were.
 
         Raises:
-            ScenarioError: One of them is missing, or something in them has changed.
+            ScenarioError: One of them is missing, or something in them has changed; or it names
+                some and nobody has seen what they were.
         """
         where = f"world_file '{self.path}'"
         if not self.digest:
+            if any(_files_of(element) for element in _root(self.text, self.path).iter()):
+                remedy = "give the scene's path, not its text"
+                raise ScenarioError(where, "digest", "is missing, and it names files", remedy)
             return
         remedy = "put the scene's files back where they were; a record holds their digest alone"
         if not Path(self.path).is_file():
@@ -132,11 +138,8 @@ def _named(text: str, path: Path, seen: set[Path]) -> Iterator[Path]:
     folders = [path.parent]
     for compiler in root.iter("compiler"):
         folders += [path.parent / compiler.get(key, "") for key in FOLDERS if compiler.get(key)]
-    for element in root.iter():
-        name = element.get("file")
-        if name is None:
-            continue
-        where = f"world_file '{path}'"
+    where = f"world_file '{path}'"
+    for element, name in ((e, name) for e in root.iter() for name in _files_of(e)):
         found = next((f for f in (folder / name for folder in folders) if f.is_file()), None)
         if found is None:
             raise ScenarioError(where, f"<{element.tag}>", f"'{name}' is missing", "put it there")
@@ -148,3 +151,8 @@ def _named(text: str, path: Path, seen: set[Path]) -> Iterator[Path]:
         yield found
         if found.suffix == ".xml":
             yield from _named(read_text(found, Checker(where, ScenarioError)), found, seen)
+
+
+def _files_of(element: ET.Element) -> list[str]:
+    """What an element names as a file; a texture may have six of them, `fileup` and so on."""
+    return [text for name, text in element.attrib.items() if name.startswith("file") and text]

@@ -1,6 +1,7 @@
 """What a store has been given it keeps, and what it reads is what was written."""
 
 import sys
+import time
 from dataclasses import replace
 
 import pytest
@@ -50,6 +51,35 @@ def test_an_interrupt_while_rows_are_written_loses_none(campaign, tmp_path, monk
         monkeypatch.setattr(campaign_store, moment, interrupted)
         store.flush()
     assert CampaignStore(out, campaign.identity(), False).keys == set(campaign.keys)
+
+
+def test_rows_do_not_wait_for_the_next_ones(campaign, tmp_path):
+    out = tmp_path / "rows.parquet"
+    with campaign_store.open_store(out, campaign.identity(), overwrite=False) as store:
+        store.append(next(iter(campaign.fly(campaign.keys))))
+        end = time.monotonic() + 10.0
+        while not list(store.parts.glob("part-*")) and time.monotonic() < end:
+            time.sleep(0.01)
+        assert len(CampaignStore(out, campaign.identity(), False).keys) > 0
+
+
+def test_rows_that_cannot_be_written_end_the_campaign(campaign, tmp_path, monkeypatch):
+    out, fly = tmp_path / "rows.parquet", Campaign.fly
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    def slowly(self, keys, *threads):
+        for key in keys:
+            time.sleep(campaign_store.FLUSH)
+            yield from fly(self, [key], *threads)
+
+    monkeypatch.setattr(Campaign, "fly", slowly)
+    monkeypatch.setattr(campaign_store, "atomic_path", full)
+    told = []
+    with pytest.raises(OSError, match="No space left"):
+        sweep(replace(campaign, seeds=range(10)), out, progress=lambda done, _: told.append(done))
+    assert max(told) < 5
 
 
 def rewritten(path, rows):

@@ -143,7 +143,7 @@ def test_nothing_listens_while_local_workers_fly(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("driver", "duration", "runs"), [("python", 1.0, 24), ("fused", 8.0, 6000)]
+    ("driver", "duration", "runs"), [("python", 1.0, 40), ("fused", 8.0, 8000)]
 )
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_kill_loses_the_flights_in_the_air_and_half_a_second(
@@ -163,7 +163,7 @@ def test_a_kill_loses_the_flights_in_the_air_and_half_a_second(
         done, moment = line.split()
         if int(done):
             told.append((int(done), float(moment)))
-        if told and float(moment) > told[0][1] + 1.2:
+        if told and float(moment) > told[0][1] + 2.0:
             break
     relatives = family(process.pid)
     process.send_signal(signal.SIGKILL)
@@ -173,9 +173,9 @@ def test_a_kill_loses_the_flights_in_the_air_and_half_a_second(
     assert gone(relatives, 5.0), "workers outlive their parent"
     assert not out.exists()
     kept = len(CampaignStore(out, campaign.identity(), False).keys)
-    # A row is told when the store has it; it is in a file half a second later, and a write takes
-    # some hundredths of a second.
-    due = max(done for done, moment in told if moment < killed - 0.6)
+    # A row is told when the store has it and is in a file half a second later; a second more is
+    # for a disk and a processor that others use, too (`make hostile` allows a tenth).
+    due = max(done for done, moment in told if moment < killed - 1.5)
     assert 2 * runs > kept >= due > 0
     if driver == "fused":  # the rest would take a minute: so few seeds as are kept, and some more
         seeds = {seed for *_, seed in CampaignStore(out, campaign.identity(), False).keys}

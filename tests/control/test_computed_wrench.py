@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from random_states import (
+from random_measurements import (
     VEHICLES,
     assert_produces_what_it_commands,
     random_measurement,

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pinocchio as pin
 import pytest
-from random_states import (
+from random_measurements import (
     VEHICLES,
     assert_produces_what_it_commands,
     random_measurement,

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from answers import Attack, answered, folder, whole_run
+from answers import Attack, answered, folder, scene_run, whole_run
 from commands import attack_command, command_lines
 from hypothesis import strategies as st
 from motions import attack_motion
@@ -30,6 +30,7 @@ from own_files import attack_plugin, attack_settings, plugins, settings_files
 from values import damaged, document, json_values, mostly, toml_values, torn
 
 import fullam
+from fullam.analysis.scene_motion import scene_motions
 from fullam.model.bodies import body_tables
 from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.model.servos import DEFAULTS
@@ -174,7 +175,8 @@ def packed(columns: dict[str, Any], metadata: Any) -> bytes:
 @st.composite
 def strange_columns(draw: st.DrawFn) -> bytes:
     """A run file with one to three columns of another type, shape or content."""
-    columns: dict[str, Any] = dict(whole_run().columns)
+    run = draw(st.sampled_from((whole_run, scene_run)))()
+    columns: dict[str, Any] = dict(run.columns)
     for _ in range(draw(st.integers(1, 3))):
         name = draw(st.sampled_from(sorted(columns)))
         old = np.asarray(columns[name])
@@ -200,13 +202,21 @@ def strange_columns(draw: st.DrawFn) -> bytes:
                 del columns[name]
             case "add":
                 columns[draw(st.sampled_from(("x", "a/b", "../up")))] = old
-    return packed(columns, whole_run().metadata)
+    return packed(columns, run.metadata)
+
+
+@st.composite
+def strange_scene(draw: st.DrawFn) -> bytes:
+    """A run file that names the joints of its scene in other ways."""
+    joints = draw(damaged(copy.deepcopy(scene_run().metadata["scene"]), json_values))
+    return packed(scene_run().columns, scene_run().metadata | {"scene": joints})
 
 
 runs = st.deferred(
     lambda: mostly(
         st.one_of(
             strange_columns(),
+            strange_scene(),
             damaged(copy.deepcopy(whole_run().metadata), json_values).map(
                 lambda m: packed(whole_run().columns, m)
             ),
@@ -224,6 +234,7 @@ def attack_run(case: bytes) -> None:
     def load() -> bool:
         run = Run.load(path)
         assert str(run)
+        assert len(scene_motions(run)) == len(run.scene_joints) * bool(len(run))
         return fullam.measure(run).diverged == run.diverged
 
     assert answered(load) is not False

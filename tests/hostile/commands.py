@@ -141,8 +141,8 @@ def attack_command(case: list[str]) -> None:
 
 
 def run(case: list[str]) -> tuple[int, str, str, float]:
-    """Exit code, output and complaints of a command, and how long it took [s]."""
-    out, err, start = io.StringIO(), io.StringIO(), time.monotonic()
+    """Exit code, output and complaints of a command, and how long it took the processor [s]."""
+    out, err, start = io.StringIO(), io.StringIO(), time.process_time()
     with (
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
@@ -155,4 +155,4 @@ def run(case: list[str]) -> tuple[int, str, str, float]:
         finally:
             while LOADED:
                 withdraw(LOADED.popitem()[1])
-    return code, out.getvalue(), err.getvalue(), time.monotonic() - start
+    return code, out.getvalue(), err.getvalue(), time.process_time() - start

@@ -86,7 +86,7 @@ def test_a_vehicle_is_flown_by_hand_and_its_record_kept(tmp_path, capsys):
 
 def test_a_scenario_is_flown_by_hand_in_its_world_on_servos(tmp_path, capsys):
     record = tmp_path / "wall.npz"
-    asked = ["fly", "push-wall", "--controller", "hybrid-force", "--duration", "0.3"]
+    asked = ["fly", "push-wall", "--duration", "0.3"]
     assert main([*asked, "--once", "--wait", "0", "--port", "0", "--save", str(record)]) == 0
     assert "push-wall, hybrid-force: 0.30 s flown" in capsys.readouterr().out
     run = fullam.Run.load(record)

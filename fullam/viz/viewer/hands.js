@@ -31,7 +31,7 @@ const Hands = (() => {
   function body_under(caster) {
     const { path } = fullam.scene.vehicles[0];
     const main = fullam.tracks.filter((t) => t.kind === "pose" && t.path.startsWith(`${path}/`) &&
-      !t.path.endsWith("/target"));
+      !t.scene && !t.path.endsWith("/target"));
     let found = null;
     for (const track of main) {
       const root = fullam.viewer.scene_tree.find(fullam.names(track.path)).object;

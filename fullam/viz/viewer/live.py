@@ -111,7 +111,8 @@ class LiveFlight:
         self.flight = flight
         plan, vehicle = flight.plan, flight.plan.nominal
         places = np.vstack([plan.asked.pose[:, :3], plan.scenario.initial_pose[:3]])
-        around = Scenery.of(plan.scenario, vehicle, plan.simulation.control_period, places)
+        period, joints = plan.simulation.control_period, flight.flight.block.plant.scene
+        around = Scenery.of(plan.scenario, vehicle, period, places, joints)
         self._vehicle = VehicleScene(plan.true, plan.controller, around=around)
         try:
             self._vehicle.forces = Envelope.of(vehicle, plan.arm.theta[0])
@@ -168,6 +169,7 @@ class LiveFlight:
             hand=np.array([*live.felt.foot, *live.felt.pull]),
             contact=live.contact,
             carried=self._vehicle.around.carried(k),
+            scene=live.scene,
         )
         return self.scene.frame(t, [now])
 
@@ -189,6 +191,7 @@ class LiveFlight:
             residual=row["residual"],
             contact=row.get("contact_force", np.zeros(3)),
             carried=self._vehicle.around.carried(k),
+            scene=row.get("scene"),
         )
         return self.scene.frame(t, [now])
 

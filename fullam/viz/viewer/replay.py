@@ -107,7 +107,8 @@ def film(
 def scenery(run: Run, vehicle: Vehicle) -> Scenery:
     """What stood around a vehicle in a record."""
     places = np.vstack([run.pose[:, :3], run.reference_pose[:, :3]])
-    return Scenery.of(run.scenario, vehicle, run.simulation.control_period, places)
+    period = run.simulation.control_period
+    return Scenery.of(run.scenario, vehicle, period, places, run.scene_joints)
 
 
 def title(runs: Sequence[Run]) -> str:
@@ -193,6 +194,7 @@ class Reel:
             hand=row["hand"],
             contact=row["contact_force"],
             carried=self._around.carried(k),
+            scene=row.get("scene"),
         )
 
 

@@ -182,13 +182,15 @@ class VehicleScene:
         if self.ghost:
             tracks.append({"kind": "pose", "path": f"{path}/target"})
         tracks.append(self._vector("hand", HAND, 4 * self.force_scale, 0.02, 1))
-        if self.around.world:
+        if self.around.touches:
             scale = CONTACT_SCALE * self.force_scale
             tracks.append(self._vector("contact", CONTACT, scale, 0.02, 1))
         tracks += [
             {"kind": "ball", "path": f"{path}/payload_{i}"}
             for i in range(len(self.around.payloads))
         ]
+        bodies = [] if self.around.scene is None else self.around.scene.bodies
+        tracks += [{"kind": "pose", "path": f"{path}/{body}", "scene": True} for body in bodies]
         tracks += [{"kind": "readout"}, {"kind": "wrench"}]
         return tracks
 
@@ -232,7 +234,7 @@ class VehicleScene:
         out[at : at + 6] = now.hand
         out[at : at + 3] += self.offset
         at += 6
-        if self.around.world:  # it ends where it pushes: begun there, it would hide in the arm
+        if self.around.touches:  # it ends where it pushes: begun there, it would hide in the arm
             out[at : at + 3] = tip - CONTACT_SCALE * self.force_scale * now.contact
             out[at + 3 : at + 6] = now.contact
             at += 6
@@ -241,6 +243,11 @@ class VehicleScene:
             out[at : at + 3] = tip + link @ np.array(body.offset)
             out[at + 3] = carried
             at += 4
+        if self.around.scene is not None:
+            for body in self.around.scene.places(now.scene, tool):
+                out[at : at + 7] = body
+                out[at : at + 3] += self.offset
+                at += 7
         cosine = min(1.0, abs(float(now.pose[3:] @ now.target[3:])))
         out[at] = np.linalg.norm(now.pose[:3] - now.target[:3])
         out[at + 1] = 2.0 * np.arccos(cosine)
@@ -302,9 +309,10 @@ class Scene:
         apart = 0.2 * float(np.linalg.norm(np.ptp([v.offset for v in self.vehicles], axis=0)))
         radius = apart + min(0.5 * float(np.linalg.norm(high - low)), 2.0 * size) + 1.4 * size
         floor = np.floor(2.0 * (low[2] - 2.0 * size)) / 2.0
+        remarks = dict.fromkeys(v.around.remark for v in self.vehicles if v.around.remark)
         self._view = {
             "title": title,
-            "details": details,
+            "details": " · ".join([details, *remarks]),
             "duration": duration,
             "centre": [float(x) for x in centre],
             "radius": radius,
@@ -334,7 +342,7 @@ class Scene:
         return {
             **self._view,
             "colours": THRUST_COLOURS,
-            "contact": bool(first.around.world),
+            "contact": first.around.touches,
             "legend": legend,
             "vehicles": [vehicle.spec() for vehicle in self.vehicles],
             **more,
@@ -342,10 +350,11 @@ class Scene:
 
     @staticmethod
     def _around_legend(around: Scenery, per_newton: float) -> list[tuple[str, str]]:
+        it = "it" if around.world else "the scene"
         lines = [
             (len(around.path), TASK, "path asked of the tool, dashed"),
             (len(around.world), WORLD, "what the tool may touch"),
-            (len(around.world), CONTACT, f"force of it on the tool, {per_newton:.0f} cm/N"),
+            (around.touches, CONTACT, f"force of {it} on the tool, {per_newton:.0f} cm/N"),
             (len(around.payloads), PAYLOAD, "what is carried"),
         ]
         return [(colour, text) for shown, colour, text in lines if shown]

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from fullam.dynamics.multibody import Multibody
 from fullam.simulation.payload import Payload
+from fullam.simulation.scene_joints import SceneJoint
 from fullam.simulation.tool_kinematics import ToolKinematics
 from fullam.simulation.world import Box, Plane, Sphere, Surface
 from fullam.viz.viewer import shapes
+from fullam.viz.viewer.mjcf import DrawnScene, drawn_scene
 from fullam.viz.viewer.shapes import Shape
 
 if TYPE_CHECKING:
@@ -42,8 +44,12 @@ DASHES = 60
 DIRECTION = (0.72, -0.78, 0.25)
 """From the scene to the camera, unless there is a wall."""
 
-ALONG_WALL = 0.9
-"""Share of the view's direction that is along a wall; the rest comes from its free side."""
+ALONG_WALL, ALONG_SCENE = 0.9, 0.93
+"""Share of the view's direction that is along a wall, or across the way from a scene to the
+vehicle; the rest comes from the free side."""
+
+BESIDE = 0.2
+"""A scene whose middle is nearer to the flight's than this is all around [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +62,9 @@ class Scenery:
         period: Control period, by which they are picked up and dropped [s].
         path: Where the tool should be, one time after the other, shape (n, 3) [m].
         places: Where it all happens, shape (n, 3) [m]; planes are drawn about there.
+        scene: What is drawn of its scene in MJCF; None for nothing.
+        touches: Whether there is anything to touch.
+        remark: Why the scene is not drawn.
     """
 
     world: tuple[Surface, ...] = ()
@@ -63,9 +72,19 @@ class Scenery:
     period: float = 0.01
     path: Array = field(default_factory=lambda: np.zeros((0, 3)))
     places: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    scene: DrawnScene | None = None
+    touches: bool = False
+    remark: str = ""
 
     @classmethod
-    def of(cls, scenario: Scenario, vehicle: Vehicle, period: float, places: Array) -> Scenery:
+    def of(
+        cls,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        period: float,
+        places: Array,
+        joints: Sequence[SceneJoint] = (),
+    ) -> Scenery:
         """Those of a scenario.
 
         Args:
@@ -73,6 +92,10 @@ class Scenery:
             vehicle: Who flies it.
             period: Control period [s].
             places: Positions of the platform, as far as they are known, shape (n, 3) [m].
+            joints: Of its scene in MJCF, whose coordinates are known moment by moment.
+
+        Warns:
+            FullamWarning: That scene cannot be drawn; the message says why.
         """
         path = np.zeros((0, 3))
         if scenario.tool is not None:
@@ -81,21 +104,28 @@ class Scenery:
             start = np.concatenate([scenario.initial_pose, scenario.initial_arm(vehicle)])
             path = ToolKinematics(vehicle).place(start) + scenario.tool.offsets(t)
         places = places[np.all(np.isfinite(places), axis=1)]
-        return cls(scenario.world, scenario.payloads, period, path, places)
+        scene, remark, file = None, "", scenario.world_file
+        if file is not None:
+            scene, remark = drawn_scene(file, joints)
+        touches = bool(scenario.world) or file is not None
+        around = scenario.world, scenario.payloads, period, path, places
+        return cls(*around, scene, touches, remark)
 
     @property
     def direction(self) -> Array:
-        """From the scene to the camera, shape (3,): along the first wall, on its free side."""
-        away = np.array(DIRECTION)
+        """From the scene to the camera, shape (3,): along the first wall, on its free side.
+
+        Without a wall, what a scene in MJCF holds is seen from the vehicle's side.
+        """
         for plane in (s for s in self.world if isinstance(s, Plane)):
             normal = plane.unit_normal * [1.0, 1.0, 0.0]
             if np.linalg.norm(normal) > 0.5:
-                normal /= np.linalg.norm(normal)
-                along = np.array([-normal[1], normal[0], 0.0])
-                flat = ALONG_WALL * np.copysign(1.0, along @ away) * along
-                flat += np.sqrt(1.0 - ALONG_WALL**2) * normal
-                return np.asarray(np.hypot(*away[:2]) * flat + [0.0, 0.0, away[2]])
-        return away
+                return _beside(normal, ALONG_WALL)
+        if self.scene is not None and self.scene.middle is not None:
+            normal = (self.places.mean(axis=0) - self.scene.middle) * [1.0, 1.0, 0.0]
+            if np.linalg.norm(normal) > BESIDE:
+                return _beside(normal, ALONG_SCENE)
+        return np.array(DIRECTION)
 
     def carried(self, k: int) -> NDArray[np.bool_]:
         """Which payloads are carried in a control period."""
@@ -134,6 +164,8 @@ class Scenery:
             elif isinstance(surface, Box):
                 place = pin.SE3(surface.rotation, np.array(surface.center) + offset)
                 found.append(_solid(path, place, {"type": "box", "size": list(surface.size)}))
+        if self.scene is not None:
+            found += self.scene.shapes(prefix, offset, self.places, 2.0 * size)
         found += _dashes(f"{prefix}/task", self.path + offset, 0.013 * size)
         for i, body in enumerate(self.payloads):
             ball = {"type": "sphere", "radius": body.radius, "colour": PAYLOAD}
@@ -170,6 +202,15 @@ class Scenery:
 
 NOTHING = Scenery()
 """An empty world."""
+
+
+def _beside(normal: Array, share: float) -> Array:
+    """A direction to look from: along a wall by a share, the rest on the side of its normal."""
+    away, normal = np.array(DIRECTION), normal / np.linalg.norm(normal)
+    along = np.array([-normal[1], normal[0], 0.0])
+    flat = share * np.copysign(1.0, along @ away) * along
+    flat += np.sqrt(1.0 - share**2) * normal
+    return np.asarray(np.hypot(*away[:2]) * flat + [0.0, 0.0, away[2]])
 
 
 def _solid(path: str, place: pin.SE3, body: Shape) -> Shape:

@@ -35,6 +35,8 @@ const Shapes = (() => {
   function geometry(spec) {
     if (spec.type === "box") return new THREE.BoxGeometry(...spec.size);
     if (spec.type === "sphere") return new THREE.SphereGeometry(spec.radius, 32, 20);
+    if (spec.type === "ellipsoid") return new THREE.SphereGeometry(1, 32, 20).scale(...spec.size);
+    if (spec.type === "capsule") return capsule(spec);
     if (spec.type === "cylinder" || spec.type === "cone") {
       const top = spec.type === "cone" ? 0 : spec.radius;
       const sides = spec.radius > 0.05 ? 40 : 14;
@@ -49,6 +51,16 @@ const Shapes = (() => {
       return mesh;
     }
     throw new Error(`unknown shape ${spec.type}`);
+  }
+
+  // A ball whose halves are drawn apart along z; its middle band, below 1 % narrower, is the rest.
+  function capsule({ radius, length }) {
+    const ball = new THREE.SphereGeometry(radius, radius > 0.05 ? 32 : 14, 21).rotateX(Math.PI / 2);
+    const place = ball.attributes.position;
+    for (let i = 0; i < place.count; i++) {
+      place.setZ(i, place.getZ(i) + 0.5 * length * Math.sign(place.getZ(i)));
+    }
+    return ball;
   }
 
   // One geometry of several that stand still against each other: fewer things to draw.

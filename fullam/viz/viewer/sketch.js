@@ -52,8 +52,17 @@
 
   function around(it) {
     for (const edge of it.world) line(edge, "#a9865b", 1.5, 0.7);
+    for (const [colour, points] of it.scene) line(points, colour, 1.5, 0.8);
     for (let k = 1; k < it.task.length; k++)
       if (k % 2) line([it.task[k - 1], it.task[k]], "#1f9e89", 2, 0.8);
+  }
+
+  function bodies(r, it) {
+    for (const { at, lines } of it.bodies) {
+      const origin = point(r, at);
+      for (const [colour, points] of lines)
+        line(points.map((p) => turned(r, at + 3, p).map((v, k) => v + origin[k])), colour, 1.5);
+    }
   }
 
   function touched(r, it) {
@@ -89,6 +98,7 @@
       line([...path, arm.at(-1)], it.colour, 1, 0.6);
     }
     line(arm, "#7d838c", 4);
+    bodies(r, it);
     touched(r, it);
   }
 

@@ -1,7 +1,8 @@
 """A film as a line drawing: light enough for every notebook cell, and it plays without a kernel.
 
 The page holds rotor rings, arm, target and the tool's path, positions and quaternions in 16 bits;
-edges of the world, the force of it on the tool, what is carried and the path asked of the tool.
+edges of the world and of a scene in MJCF, the force of them on the tool, what is carried and the
+path asked of the tool.
 Where a live notebook shows it, it asks the kernel's server for the whole scene and makes room.
 """
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.viz.viewer.frame import REACH, places
+from fullam.viz.viewer.outlines import outlines
 from fullam.viz.viewer.replay import Film
 from fullam.viz.viewer.scene import WIDTHS
 
@@ -32,6 +34,10 @@ MOST_BYTES = 30_000
 LARGEST = 32767
 RING = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
 """Corners of a drawn rotor."""
+
+MOST_LINES, MOST_BODIES = 200, 12
+"""Of a scene: what stands still, or one body that moves, has so many lines; and bodies that move,
+whose places take room in every frame."""
 
 FARTHEST = 20.0
 """A flight that is lost is drawn no farther away than so many times the scene's radius."""
@@ -81,31 +87,18 @@ def sketch_of(film: Film) -> dict[str, Any]:
     at, width = 1, 0
     for vehicle in scene["vehicles"]:
         drawn: dict[str, Any] = {"pose": None, "target": None, "joints": [], "tool": None}
-        drawn |= {"contact": None, "balls": []}
+        drawn |= {"contact": None, "balls": [], "bodies": []}
         for track in vehicle["tracks"]:
-            numbers = WIDTHS[track["kind"]]
-            kept = 0
-            if track.get("main"):
-                drawn["pose"], kept = width, 7
-            elif track["kind"] == "pose" and track["path"].endswith("/target"):
-                drawn["target"], kept = width, 7
-            elif track["kind"] == "pose":
-                drawn["joints"].append(width)
-                kept = 3
-            elif track["kind"] == "trail":
-                drawn["tool"], kept = width, 3
-            elif track.get("path", "").endswith("/contact"):
-                drawn["contact"], kept = width, 3  # the arrow's foot; it ends at the tool
-            elif track["kind"] == "ball":
-                drawn["balls"].append(width)
+            kept = _keep(drawn, vehicle, track, width)
+            if track["kind"] == "ball":
                 balls.append((width, at + 3))
-                kept = 3
             columns += range(at, at + kept)
-            at, width = at + numbers, width + kept
+            at, width = at + WIDTHS[track["kind"]], width + kept
         vehicles.append(
             drawn
             | {"label": vehicle["label"], "colour": vehicle["colour"], "rotors": _rotors(vehicle)}
             | {"world": _edges(vehicle), "task": _task(vehicle)}
+            | {"scene": _lines(vehicle, f"{vehicle['path']}/world/scene")}
         )
     stride = max(1, -(-2 * width * len(film.frames) // MOST_BYTES))
     frames = film.frames[::stride].astype(np.float64)
@@ -116,6 +109,7 @@ def sketch_of(film: Film) -> dict[str, Any]:
     quaternions = [
         v[name] + 3 for v in vehicles for name in ("pose", "target") if v[name] is not None
     ]
+    quaternions += [body["at"] + 3 for v in vehicles for body in v["bodies"]]
     steps = _quantized(rows, quaternions, centre, scale)
     direction = np.array(scene["direction"])
     return {
@@ -132,6 +126,25 @@ def sketch_of(film: Film) -> dict[str, Any]:
         "pitch": float(np.arctan2(direction[2], np.hypot(*direction[:2]))),
         "data": base64.b64encode(steps.tobytes()).decode(),
     }
+
+
+def _keep(drawn: dict[str, Any], vehicle: dict[str, Any], track: dict[str, Any], at: int) -> int:
+    """Note where a track's numbers are in a row of the drawing; how many of them it has there."""
+    kind, path = track["kind"], track.get("path", "")
+    if track.get("scene"):
+        lines = _lines(vehicle, path) if len(drawn["bodies"]) < MOST_BODIES else []
+        drawn["bodies"] += [{"at": at, "lines": lines}] if lines else []
+        return 7 if lines else 0
+    if track.get("main") or path.endswith("/target"):
+        drawn["pose" if track.get("main") else "target"] = at
+        return 7
+    if kind in ("pose", "ball"):
+        drawn["joints" if kind == "pose" else "balls"].append(at)
+        return 3
+    if kind == "trail" or path.endswith("/contact"):  # an arrow's foot; it ends at the tool
+        drawn["tool" if kind == "trail" else "contact"] = at
+        return 3
+    return 0
 
 
 def _quantized(
@@ -173,19 +186,17 @@ def _edges(vehicle: dict[str, Any]) -> list[list[list[float]]]:
         folder, _, name = shape["path"].removeprefix(f"{vehicle['path']}/").partition("/")
         if folder != "world" or "/" in name:
             continue
-        pose = np.array(shape["pose"])
-        if shape["type"] == "sphere":
-            circle = np.column_stack([np.cos(RING), np.sin(RING), np.zeros_like(RING)])
-            rings = np.vstack([circle, circle[:1]]) * shape["radius"]
-            lines = [np.roll(rings, k, axis=1) for k in range(3)]
-        else:
-            half = 0.5 * np.array(shape["size"])
-            loop = half * [[x, y, 1.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
-            below = loop * [1.0, 1.0, -1.0]
-            lines = [loop, below, *np.stack([loop, below], axis=1)[:4]]
-        R = quaternion_rotation(pose[3:])
-        found += [(pose[:3] + line @ R.T).round(4).tolist() for line in lines]
+        found += outlines(shape)
     return found
+
+
+def _lines(vehicle: dict[str, Any], path: str) -> list[list[Any]]:
+    """Colour and points of each line along the shapes right below a path."""
+    found: list[list[Any]] = []
+    for shape in vehicle["shapes"]:
+        if shape["path"].rpartition("/")[0] == path and len(found) < MOST_LINES:
+            found += [[shape["colour"], line] for line in outlines(shape)]
+    return found[:MOST_LINES]
 
 
 def _task(vehicle: dict[str, Any]) -> list[list[float]]:

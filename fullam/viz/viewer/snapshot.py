@@ -32,6 +32,7 @@ class Snapshot:
         hand: Point at which a hand pulls, and its force, world axes.
         contact: Force of the world on the tool, world axes.
         carried: Whether each payload is carried.
+        scene: Coordinates of the scene's joints; None for those that the scene is drawn with.
     """
 
     pose: Array
@@ -50,3 +51,4 @@ class Snapshot:
     hand: Array = field(default_factory=lambda: np.zeros(6))
     contact: Array = field(default_factory=lambda: np.zeros(3))
     carried: Sequence[bool] | NDArray[np.bool_] = ()
+    scene: Array | None = None

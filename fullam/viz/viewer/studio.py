@@ -90,7 +90,7 @@ class StudioFlight(InteractiveFlight):
 
 def fly(
     subject: Vehicle | Scenario | str = "fullam",
-    controller: str = "dc-pid",
+    controller: str | None = None,
     *,
     duration: float | None = None,
     **choices: Unpack[Choices],
@@ -107,7 +107,8 @@ def fly(
 
     Args:
         subject: A vehicle, its name or path, for a free flight; or a scenario or its name.
-        controller: Name of a registered controller.
+        controller: Name of a registered controller; by default the scenario's, in free flight
+            dc-PID.
         duration: When it ends at the latest [s]; 300 by default in free flight. `run()` flies on
             till then.
         **choices: As in `simulate`; free flight is in calm air unless `weather` says otherwise.
