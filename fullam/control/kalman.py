@@ -268,7 +268,7 @@ def begin(numbers, P):
 
 @kernel
 def uncertain(numbers, P):
-    """The variances at the start."""
+    """Variances of position, attitude and velocity at the start."""
     for i in range(3):
         P[i][i] = numbers.read_position
         P[3 + i][3 + i] = numbers.read_attitude
@@ -300,7 +300,7 @@ def predict(numbers, P, step):
 
 @kernel
 def add_noise(numbers, P):
-    """Add Q."""
+    """Add Q, what a period adds to the uncertainty of position, attitude and velocity."""
     for i in range(3):
         P[i][i] = P[i][i] + numbers.position
         P[3 + i][3 + i] = P[3 + i][3 + i] + numbers.attitude
