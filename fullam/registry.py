@@ -101,13 +101,22 @@ def check_class(cls: Any, base: type, where: str) -> None:
 
 
 def made(cls: type[T], *parts: Any) -> T:
-    """A registered class, called; refused if its own `__init__` leaves out its base's.
+    """A registered class, called.
 
     Raises:
-        SettingsError: It does.
+        SettingsError: Its own `__init__` leaves out its base's; or its base reads a setting that
+            its own `Settings` do not have.
     """
-    thing = cls(*parts)
+    where = f"class {cls.__name__}"
+    try:
+        thing = cls(*parts)
+    except AttributeError as error:
+        if error.obj is None or not any(error.obj is part for part in parts):
+            raise
+        problem = f"has no '{error.name}', which its base reads"
+        remedy = "derive it from the Settings of the base"
+        raise SettingsError(where, type(error.obj).__name__, problem, remedy) from error
     if "period" not in getattr(thing, "__dict__", ()):
-        where, remedy = f"class {cls.__name__}", "call super().__init__ with all that it is given"
+        remedy = "call super().__init__ with all that it is given"
         raise SettingsError(where, "__init__", "does not call that of its base", remedy)
     return thing

@@ -68,7 +68,9 @@ def replace_bodies(definition: Mapping[str, Any], model: pin.Model, where: str) 
             raise VehicleError(
                 where, f"{field}.inertia", f"belongs to no body: {problem}", "measure it again"
             )
-        model.inertias[joint] = pin.Inertia(mass, np.array(center), inertia)
+        # Set, not given to be made of: that would refuse what rounding left below zero.
+        model.inertias[joint] = pin.Inertia(mass, np.array(center), np.eye(3))
+        model.inertias[joint].inertia = inertia
 
 
 def body_tables(model: pin.Model) -> list[dict[str, Any]]:

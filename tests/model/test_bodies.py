@@ -13,10 +13,10 @@ BODY = {"link": "link_2", "mass": 0.2, "center": [0.0, 0.1, 0.0],
         "inertia": [1e-3, 1e-4, 0.0, 1e-3, 0.0, 1.5e-3]}  # fmt: skip
 
 
-def with_bodies(*tables):
+def with_bodies(*tables, **more):
     vehicle = load_vehicle("fullam")
     definition = {k: v for k, v in vehicle.definition.items() if k != "mass"}
-    return Vehicle.from_definition({**definition, "body": list(tables)}, vehicle.urdf)
+    return Vehicle.from_definition({**definition, "body": list(tables), **more}, vehicle.urdf)
 
 
 def test_a_body_has_what_the_definition_says():
@@ -24,6 +24,14 @@ def test_a_body_has_what_the_definition_says():
     assert body.mass == 0.2
     np.testing.assert_array_equal(body.lever, BODY["center"])
     np.testing.assert_allclose(body.inertia, [[1e-3, 1e-4, 0], [1e-4, 1e-3, 0], [0, 0, 1.5e-3]])
+
+
+def test_what_rounding_left_below_zero_is_taken_and_nonsense_on_trust():
+    rod = {**BODY, "inertia": [-5e-94, 0.0, 0.0, 1e-3, 0.0, 1e-3]}
+    assert with_bodies(rod).model.inertias[3].inertia[0, 0] == -5e-94
+    nobody = {**BODY, "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, -1e-3]}
+    trusted = with_bodies(nobody, physics="trust")
+    assert trusted.model.inertias[3].inertia[2, 2] == -1e-3
 
 
 def test_the_tables_of_a_model_rebuild_it():
