@@ -16,6 +16,11 @@ have wrong, which a tare in hover takes off (calibrate, for the rest). Three way
       i = x - d - g,  g+ = (l_1 - 1) i,  d+ = d + l_2 i,
 
   of which the momentum observer is the case l_1 = 1.
+
+The arm is known as the law knows it (`control.arm_feedback`). While it swings by 50 deg in 0.45 s
+on its servos, in the paper's noise, the momentum observer of 20 rad/s is 0.15 N and 0.06 N m off
+with the servos' twin, 0.45 N and 0.21 N m with differences of encoder readings, and 0.10 N and
+0.012 N m where the joints are known exactly.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a vehicle of metal knows of its flight too, read from a record.
 
-Estimated pose and velocity, joints, and the speeds that were asked of the rotors, which follow with
-their nominal lags. Not: the true state, the gusts, the true speeds.
+Estimated pose and velocity, joints as the law is told of them, and the speeds asked of the rotors,
+which follow with their nominal lags. Not: the true state, the gusts, the true speeds.
 """
 
 from __future__ import annotations
@@ -44,13 +44,17 @@ class MeasuredMotion:
         """Read a record; `rotors` follow what was asked of them."""
         R = quaternion_rotation(run.measured_pose[:, 3:])
         world = run.measured_velocity.reshape(-1, 2, 3)
+        # Joints that are prescribed are known.
+        arm, rate = (
+            run.columns.get(f"measured_{name}", run.columns[name]) for name in ("arm", "arm_rate")
+        )
         body = (world @ R).reshape(-1, 6)  # rows R^T v
         return cls(
             run.t,
             run.measured_pose,
             R,
-            np.hstack([run.measured_pose, run.arm]),
-            np.hstack([body, run.arm_rate]),
+            np.hstack([run.measured_pose, arm]),
+            np.hstack([body, rate]),
             mean_squares(rotors.lags, run.rotor_commands, float(run.t[1] - run.t[0])),
         )
 

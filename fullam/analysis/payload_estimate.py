@@ -57,6 +57,10 @@ VAGUE = 1e-6
 LIGHTEST = 1e-3
 """For the prior of the first moment, which goes with the mass [kg]."""
 
+RESTLESS = 0.02
+"""What is unexplained while a hover settles, though nothing pushes [N, N m]; a still tare does not
+know of it. Half a step of the encoders is a tenth of that."""
+
 ENOUGH = 0.3
 """Of quiet rows with the body before anything is told [s]."""
 
@@ -198,8 +202,8 @@ def estimate_payload(
 
 def gusty_noise(wrench: ExternalWrench, before: Flags, period: float) -> Array:
     """Variance of a row for sums of many: the tare's with gusts, times its correlation, (6,)."""
-    variance = np.var(wrench.wrench[before], axis=0)
-    return np.asarray(variance * max(1.0, wrench.correlation / period) + 1e-12)
+    variance = np.var(wrench.wrench[before], axis=0) + RESTLESS**2
+    return np.asarray(variance * max(1.0, wrench.correlation / period))
 
 
 def gripped(run: Run, settings: PayloadSettings) -> tuple[float, float]:

@@ -151,8 +151,8 @@ PLANT = (
         default=[],
         metavar="KEY=VALUE",
         help="a setting of the plant; of servo: feedback=twin|encoder|command|truth, "
-        "feed_forward=gravity|motion|off; of mujoco also integrator=rk4|implicitfast|euler; "
-        "may be repeated",
+        "feed_forward=gravity|motion|off, payload=unknown|learned; of mujoco also "
+        "integrator=rk4|implicitfast|euler; may be repeated",
     ),
 )
 """Which physics flies."""

@@ -27,13 +27,14 @@ from fullam.control.pid import (
     integrated,
     pid,
     pose_error,
+    released,
     start,
     within_bounds,
 )
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.recursion import compensation as recursive_compensation
+from fullam.dynamics.recursion import composite_body, platform_wrench, solve_body
 from fullam.dynamics.recursion import platform_acceleration as recursive_acceleration
-from fullam.dynamics.recursion import platform_wrench
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import (
     Spatial,
@@ -170,6 +171,36 @@ def delivered_previous(numbers, chain, estimate, memory, delivery):
     return PreviousMemory(integral, at_hand, memory.inertial, memory.has_hand)
 
 
+@kernel
+def eased(chain, estimate, integral, wrench):
+    """The integrator less what of it holds a wrench, and never past zero.
+
+    What it has not learned of the wrench yet cannot be taken out of it, and of an axis without
+    integral action nothing.
+    """
+    R = rotation_matrix(estimate.pose.attitude)
+    a = solve_body(composite_body(chain), rotate_spatial_back(R, wrench))
+    a = rotate_spatial(R, a)
+    i, j, a, b = integral.linear, integral.angular, a.linear, a.angular
+    return Spatial(
+        (released(i[0], a[0], 1.0), released(i[1], a[1], 1.0), released(i[2], a[2], 1.0)),
+        (released(j[0], b[0], 1.0), released(j[1], b[1], 1.0), released(j[2], b[2], 1.0)),
+    )
+
+
+@kernel
+def relieved(numbers, chain, estimate, memory, wrench):
+    """The memory once somebody else takes care of a wrench; see `law`."""
+    return PidMemory(eased(chain, estimate, memory.integral, wrench))
+
+
+@kernel
+def relieved_previous(numbers, chain, estimate, memory, wrench):
+    """The same with "previous_wrench"."""
+    integral = eased(chain, estimate, memory.integral, wrench)
+    return PreviousMemory(integral, memory.at_hand, memory.inertial, memory.has_hand)
+
+
 # What machine code flies: the same on the recursion (6)-(13).
 
 
@@ -219,8 +250,10 @@ class DcPid(PidBase):
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
         if self.previous:
-            return LawKernels(start_previous, command_previous, delivered_previous)
-        return LawKernels(start, command, delivered)
+            return LawKernels(
+                start_previous, command_previous, delivered_previous, relieved_previous
+            )
+        return LawKernels(start, command, delivered, relieved)
 
     def numbers(self) -> Any:
         """See `DcPidNumbers`."""

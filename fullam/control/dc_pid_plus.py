@@ -58,6 +58,7 @@ from fullam.control.wrench_observer import (
     ObserverMemory,
     ObserverNumbers,
     asked,
+    less,
     nothing_observed,
     observed,
     observer_numbers,
@@ -265,7 +266,7 @@ def start_beside(numbers, chain, estimate):
 @cache
 def around(dc_pid: LawKernels) -> LawKernels:
     """dc-PID+ around the kernels of dc-PID, for either way to cut the algebraic loop."""
-    start_nominal, command_nominal, delivered_nominal = dc_pid
+    start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):
@@ -284,7 +285,13 @@ def around(dc_pid: LawKernels) -> LawKernels:
         nominal, beside = inform(delivered_nominal, numbers, chain, estimate, memory, delivery)
         return PlusMemory(nominal, beside)
 
-    return LawKernels(start, command, delivered)
+    @kernel
+    def relieved(numbers, chain, estimate, memory, wrench):
+        b = memory.beside
+        observer = less(numbers.observer, b.observer, wrench)
+        return PlusMemory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
+
+    return LawKernels(start, command, delivered, relieved)
 
 
 class BothChains(NamedTuple):

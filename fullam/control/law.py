@@ -20,9 +20,17 @@ with
     memory      a NamedTuple of the law's own
 
 `start` is called before the first period, `command` every period, `delivered` only where bounds of
-the rotors kept a command from being delivered. A kernel has no branch on data (both sides are
-computed and `select` takes one), no strings or objects inside, and its constants are numbers;
-`fullam.numbers` says more, and `fullam new controller my_law.py --kernel` writes a law that flies.
+the rotors kept a command from being delivered. A fourth kernel may be left out,
+
+    relieved(numbers, chain, estimate, memory, wrench) -> memory
+
+called after each period of a flight that learns what hangs at the tool: of what the memory holds
+for a disturbance, `wrench` (at the origin of {A}, world axes, mostly zero) acts on the law for the
+last time, since others take care of it from then on; see `fullam.control.payload_observer`.
+
+A kernel has no branch on data (both sides are computed and `select` takes one), no strings or
+objects inside, and its constants are numbers; `fullam.numbers` says more, and
+`fullam new controller my_law.py --kernel` writes a law that flies.
 """
 
 from __future__ import annotations
@@ -54,11 +62,12 @@ Function = Callable[..., Any]
 
 
 class LawKernels(NamedTuple):
-    """The three kernels of a law; see the module's first lines."""
+    """The kernels of a law; see the module's first lines."""
 
     start: Function
     command: Function
     delivered: Function
+    relieved: Function | None = None
 
 
 class KernelLaw(Controller):
@@ -145,6 +154,12 @@ class KernelLaw(Controller):
             raise KernelError(
                 f"law '{name}'", f"kernel {kernel}", f"answers {shown(answer)}", remedy
             )
+
+    def relieve(self, chain: Any, estimate: Estimate, wrench: Spatial) -> None:
+        """Learn that a part of a disturbance is gone, if the law cares; see the module."""
+        relieved = self.kernels.relieved
+        if relieved is not None and self._memory is not None:
+            self._memory = relieved(self._numbers, chain, estimate, self._memory, wrench)
 
     def forget(self) -> None:
         """Begin anew at the next command."""
@@ -263,6 +278,18 @@ class InformView(NamedTuple):
     delivery: Any
 
 
+class RelieveView(NamedTuple):
+    """What the stage is shown that relieves a law of a `wrench`, one row."""
+
+    numbers: Any
+    links: Any
+    joints: Any
+    joint_rows: Any
+    estimate: Any
+    memory: Any
+    wrench: Any
+
+
 @kernel
 def chain_at(view, k):
     """The nominal chain in period k."""
@@ -300,3 +327,18 @@ def inform_stage(kernels: LawKernels) -> Function:
             view.memory[0] = select(saturated, after, memory)
 
     return inform_law
+
+
+@cache
+def relieve_stage(kernels: LawKernels) -> Function:
+    """The stage that tells the law of what somebody else has taken over."""
+    relieved = kernels.relieved
+    assert relieved is not None, "who has none is not told"
+
+    @kernel
+    def relieve(view, k):
+        view.memory[0] = relieved(
+            view.numbers[0], chain_at(view, k), view.estimate[0], view.memory[0], view.wrench[0]
+        )
+
+    return relieve

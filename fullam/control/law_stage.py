@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fullam.checks import shown
 from fullam.control.controller import Controller, Measurement, ReferencePoint
-from fullam.control.law import KernelLaw, flies_as_kernels
+from fullam.control.law import KernelLaw, chain_at, flies_as_kernels
 from fullam.control.signals import Command, Estimate, Target
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Spatial, rotate_spatial_back
@@ -79,6 +79,11 @@ class LawStage:
             self._law.inform(delivery)
         else:
             self._law.delivered(*(np.array(flat(part)) for part in delivery[:2]))
+
+    def relieve(self, view: Any, k: int) -> None:
+        """Tell of what somebody else has taken over, given a `RelieveView`."""
+        if isinstance(self._law, KernelLaw):
+            self._law.relieve(chain_at(view, k), view.estimate[0], view.wrench[0])
 
     def _tell(self, estimate: Estimate, target: Target, motions: Any) -> None:
         """Estimate, target and motion of the arm as the arrays of a `Controller`."""

@@ -168,7 +168,7 @@ def touching(contact, law, delivered, numbers, chain, estimate, target, memory):
 @cache
 def around(dc_pid: LawKernels, contact: Kernel, untouched: Kernel) -> LawKernels:
     """A law that touches around the kernels of dc-PID; for its own two see `Touching`."""
-    start_nominal, command_nominal, delivered_nominal = dc_pid
+    start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):

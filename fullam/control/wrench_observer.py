@@ -131,6 +131,24 @@ def asked(memory, wrench_A):
     return ObserverMemory(m.wrench, m.momentum, m.center, m.attitude, wrench_A, m.actual)
 
 
+@kernel
+def less(numbers, memory, wrench):
+    """The observer told that a part of what it observes acts in this period for the last time.
+
+    The momentum is put on by what that part brings in this period, which then is not observed.
+
+    Args:
+        numbers: `ObserverNumbers`.
+        memory: `ObserverMemory`.
+        wrench: The part, world axes at the origin of {A}.
+    """
+    m, f = memory, wrench.linear
+    about_center = Spatial(f, subtract(wrench.angular, cross(m.center, f)))
+    h = axpy_spatial(numbers.period, about_center, m.momentum)
+    d = subtract_spatial(m.wrench, wrench)
+    return ObserverMemory(d, h, m.center, m.attitude, m.command, m.actual)
+
+
 def observer_numbers(
     vehicle: Vehicle, period: float, rates: tuple[float, float], lag: float
 ) -> ObserverNumbers:

@@ -196,7 +196,8 @@ class Rotors:
         object.__setattr__(self, field, value)
 
     def _normalise_axes(self) -> None:
-        lengths = np.linalg.norm(self.axes, axis=1)
+        with np.errstate(over="ignore"):  # an infinite length is refused with the others
+            lengths = np.linalg.norm(self.axes, axis=1)
         error = np.abs(lengths - 1.0)
         if error.max() > UNIT_TOLERANCE:
             worst = int(error.argmax())

@@ -27,11 +27,13 @@ from fullam.control.law import (
     CommandView,
     InformView,
     KernelLaw,
+    RelieveView,
     command_stage,
     inform_stage,
     kernel_law,
     not_fused,
     numbers_of,
+    relieve_stage,
 )
 from fullam.control.signals import DIVERGED, FOREVER, Command, Delivery, Estimate, Status, Target
 from fullam.dynamics.spatial import Pose, Spatial
@@ -113,6 +115,9 @@ class Block:
                 kept,
                 self.state,
                 self.estimate,
+                self.target,
+                self.command,
+                self.delivery,
                 self.drawn,
                 self.speeds,
                 self.commands,
@@ -172,6 +177,8 @@ class Block:
             "command": Stage(command_stage(law.kernels), self.command_view(joints)),
             "inform": Stage(inform_stage(law.kernels), self.inform_view(joints)),
         }
+        if self.learns and law.kernels.relieved is not None:
+            own["relieve"] = Stage(relieve_stage(law.kernels), self.relieve_view())
         return in_order(self.common_stages() | own | self.plant.stages())
 
     def common_stages(self) -> dict[str, Stage]:
@@ -247,7 +254,31 @@ class Block:
             self.plant.seen.rows,
             self.estimate,
             self.law_memory,
-            self.delivery,
+            self.share,
+        )
+
+    @property
+    def share(self) -> Rows:
+        """What was delivered of the law's own command, one row of `Delivery`."""
+        return self.delivery if self.plant.carried is None else self.plant.carried.share
+
+    @property
+    def learns(self) -> bool:
+        """Whether what hangs at the tool is learned in flight."""
+        return self.plant.carried is not None and self.plant.carried.learner is not None
+
+    def relieve_view(self) -> RelieveView:
+        """What the stage is shown that tells the law of what was learned."""
+        seen, carried = self.plant.seen, self.plant.carried
+        assert carried is not None and carried.learner is not None
+        return RelieveView(
+            self._law_numbers,
+            seen.links,
+            seen.joints,
+            seen.rows,
+            self.estimate,
+            self.law_memory,
+            carried.learner.weight,
         )
 
     def record_view(self) -> RecordView:

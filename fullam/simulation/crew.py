@@ -121,6 +121,8 @@ class CrewChange:
             law, stages = LawStage(self.aboard.law), self._flight.stages
             stages["command"] = law.command, stages["command"][1]
             stages["inform"] = law.inform, stages["inform"][1]
+            if "relieve" in stages:
+                stages["relieve"] = law.relieve, stages["relieve"][1]
         if wanted.known != now.known:
             self._allocate_without(wanted.known)
             self._trim_without(wanted.known)

@@ -74,8 +74,10 @@ class Flight:
         stages |= {
             "estimate": (estimator, look(block.estimate_view())),
             "command": (law.command, look(block.command_view(motions))),
-            "inform": (law.inform, look(block.delivery)),
+            "inform": (law.inform, look(block.share)),
         }
+        if block.learns:
+            stages["relieve"] = law.relieve, look(block.relieve_view())
         return in_order(stages | block.plant.python_stages(look))
 
     def ticks(self) -> Iterator[int]:

@@ -26,7 +26,8 @@ from fullam.model.vehicle import Vehicle
 from fullam.registry import made
 from fullam.simulation.anticipation import Anticipation
 from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
-from fullam.simulation.plant_settings import plant_settings
+from fullam.simulation.payload import check_apart
+from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.references import ReferenceTable, tabulate
 from fullam.simulation.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
@@ -96,7 +97,8 @@ class FlightPlan:
             ScenarioError: The arm angles do not fit the vehicle, the reference is not finite or
                 starts beyond the bounds of divergence, the flight has more steps than fit into
                 memory or a motion of one's own more rows than fit into a record, its steps are too
-                long for the servos, or the seed is no whole number from 0 on.
+                long for the servos, two payloads that are to be learned hang together, or the seed
+                is no whole number from 0 on.
             NotFullyActuated: The rotors cannot produce the axes that the scenario controls.
             SettingsError: The controller's settings hold what cannot be saved.
         """
@@ -107,6 +109,8 @@ class FlightPlan:
         scenario = with_tool_solved(scenario, vehicle)
         scenario.check_plant(simulation.plant)
         plant = plant_settings(simulation.plant, simulation.plant_settings)
+        if isinstance(plant, ServoSettings) and plant.payload == "learned":
+            check_apart([body for body in scenario.payloads if not body.known])
         plant.check_step(vehicle, simulation.integrator, simulation.plant_period)
         period = simulation.control_period
         rows = round(scenario.duration / period) + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ NEVER = 1e6
 
 @dataclass(frozen=True)
 class Payload:
-    """A ball at the tool, which nobody told the law of.
+    """A ball at the tool.
 
     It has the tool's velocity when it is picked up, so nothing jerks but its weight.
 
@@ -33,6 +34,9 @@ class Payload:
         dropped: When it is gone again [s].
         offset: Its centre from the tool's point, axes of the arm's last link [m].
         radius: Of a ball of even density [m].
+        known: Whether the controller is told, from the pick-up to the drop: what the load takes is
+            then added to the law's command (`fullam.control.payload_lift`), and the goals of the
+            servos and the twin know of it.
     """
 
     mass: float
@@ -40,6 +44,7 @@ class Payload:
     dropped: float = NEVER
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 0.03
+    known: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -51,6 +56,7 @@ class Payload:
             ("radius", positive(10.0, "m")),
         ):
             object.__setattr__(self, name, check.number(name, getattr(self, name), numbers))
+        object.__setattr__(self, "known", check.flag("known", self.known))
         offset = check.vector("offset", self.offset, 3, within(100.0, "m"))
         object.__setattr__(self, "offset", offset)
         if self.dropped <= self.picked_up:
@@ -86,7 +92,10 @@ class Load(NamedTuple):
 
 
 class LoadView(NamedTuple):
-    """What `load` is shown: `links` to be written, the links without loads, the loads."""
+    """What `load` is shown: `links` to be written, the links without loads, the loads.
+
+    "load" writes the true links, "expect" by the same kernel those that the controller knows of.
+    """
 
     links: Any
     bare: Any
@@ -104,15 +113,14 @@ def load(view, k):
     mass, first = link.mass, scale(link.mass, link.com)
     for i in range(len(view.loads)):
         body = view.loads[i]
-        m = carried(body, k)
+        m = is_held(body, k) * body.mass
         mass, first = mass + m, axpy(m, body.center, first)
     center = scale(1.0 / mass, first)
     inertia = shift_inertia(link.inertia, link.mass, subtract(link.com, center))
     for i in range(len(view.loads)):
         body = view.loads[i]
-        m = carried(body, k)
+        share = is_held(body, k)
         own = shift_inertia(body.inertia, body.mass, subtract(body.center, center))
-        share = m / body.mass
         inertia = add_symmetric(
             inertia,
             (
@@ -128,9 +136,9 @@ def load(view, k):
 
 
 @kernel
-def carried(body, k):
-    """The mass of a load in period k: its own, or none."""
-    return select(both(body.begin <= k, k < body.end), body.mass, 0.0)
+def is_held(body, k):
+    """1 if a load is there in period k, else 0."""
+    return select(both(body.begin <= k, k < body.end), 1.0, 0.0)
 
 
 def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> Rows:
@@ -154,3 +162,20 @@ def load_rows(vehicle: Vehicle, payloads: Sequence[Payload], period: float) -> R
             )
         )
     return Rows.of(Load, rows)
+
+
+def check_apart(learned: Sequence[Payload]) -> None:
+    """Refuse to learn two things at a time.
+
+    Raises:
+        ScenarioError: They hang together.
+    """
+    for first, then in pairwise(sorted(learned, key=lambda body: body.picked_up)):
+        if then.picked_up < first.dropped:
+            raise ScenarioError(
+                "plant_settings",
+                "payload",
+                f"is 'learned', and what is picked up at {then.picked_up:g} s hangs together with "
+                "another unknown body",
+                "drop one before the next, or leave payload = 'unknown'",
+            )

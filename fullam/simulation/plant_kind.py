@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows
 from fullam.simulation.draws import Drawn
+from fullam.simulation.payload_carrying import Carried
 from fullam.simulation.scene_joints import SceneJoint
 from fullam.simulation.tables import Tables
 
@@ -29,8 +30,8 @@ class Surroundings(NamedTuple):
     """The rows of a block that its plant reads and writes.
 
     What the flights share; lanes; rows of the record that are kept, 0 for none; the platform (one
-    row of `plant.State`, to be written); the estimate; weather and true vehicle; true rotor speeds
-    (to be written) and those commanded.
+    row of `plant.State`, to be written); estimate, target, command and delivery; weather and true
+    vehicle; true rotor speeds (to be written) and those commanded.
     """
 
     tables: Tables
@@ -38,6 +39,9 @@ class Surroundings(NamedTuple):
     kept: int
     state: Rows
     estimate: Rows
+    target: Rows
+    command: Rows
+    delivery: Rows
     drawn: Drawn
     speeds: Rows
     commands: Rows
@@ -66,6 +70,7 @@ class Plant(ABC):
         around: The block's rows.
         seen: The arm as the controller sees it.
         arm: The true motion of the joints, rows of `JointMotion`; None if it is `seen.motions`.
+        carried: What is known, or learned, to hang at the tool; None if there is nothing.
         touches: The force of the world on the tool, a row a period; None where nothing is touched.
         tool: Where the tool is in the world [m], a row a period, for flights that keep a track;
             None where nothing is asked of it, and where the arm follows its motion exactly.
@@ -76,6 +81,7 @@ class Plant(ABC):
     name: ClassVar[str]
     seen: SeenArm
     arm: Rows | None = None
+    carried: Carried | None = None
     touches: Rows | None = None
     tool: Rows | None = None
     scene: tuple[SceneJoint, ...] = ()

@@ -15,6 +15,9 @@ from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError, SettingsError, UnknownName
 from fullam.model.vehicle import Vehicle
 
+PAYLOAD = ("unknown", "learned")
+"""What is made of payloads that nobody told of."""
+
 
 @dataclass(frozen=True)
 class PrescribedSettings:
@@ -33,15 +36,23 @@ class ServoSettings:
             `fullam.control.arm_feedback`.
         feed_forward: What the servos' goals are shifted by: "motion" (and gravity), "gravity" or
             "off"; see `fullam.control.arm_goals`.
+        payload: What is made of payloads that nobody told of: "unknown" leaves them to the law's
+            observer or integrator, "learned" estimates them in flight and hands them over; see
+            `fullam.control.payload_observer`.
     """
 
     plant: ClassVar[str] = "servo"
     feedback: str = "twin"
     feed_forward: str = "motion"
+    payload: str = "unknown"
 
     def __post_init__(self) -> None:
         """Check the names."""
-        for name, known in (("feedback", FEEDBACK), ("feed_forward", FEED_FORWARD)):
+        for name, known in (
+            ("feedback", FEEDBACK),
+            ("feed_forward", FEED_FORWARD),
+            ("payload", PAYLOAD),
+        ):
             value = getattr(self, name)
             if not isinstance(value, str) or value not in known:
                 raise UnknownName(f"{name} of plant '{self.plant}'", str(value), tuple(known))

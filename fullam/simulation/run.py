@@ -76,6 +76,8 @@ COLUMNS: dict[str, Column] = {
 SERVO_COLUMNS: dict[str, Column] = {
     "arm_goal": Column("arm", "rad", "goals of the servos; [m] of prismatic joints"),
     "arm_torque": Column("arm", "N m", "torques at the joints; [N] of prismatic joints"),
+    "measured_arm": Column("arm", "rad", "joints that the law was told of; [m] of prismatic ones"),
+    "measured_arm_rate": Column("arm", "rad/s", "their rates; [m/s] of prismatic joints"),
     "contact_force": Column(3, "N", "force of the world on the tool, world axes"),
 }
 
@@ -155,6 +157,8 @@ class Run:
     disturbance: Array
     arm_goal: Array
     arm_torque: Array
+    measured_arm: Array
+    measured_arm_rate: Array
     contact_force: Array
     scene: Array
 

@@ -44,7 +44,10 @@ COMPONENTS = {
 """Names of the components of columns that have the same ones for every vehicle."""
 
 FORCE = ("x", "y", "z")
-JOINTS = ("arm", "arm_rate", "arm_goal", "arm_torque")
+JOINTS = (
+    *("arm", "arm_rate", "arm_goal", "arm_torque"),
+    *("measured_arm", "measured_arm_rate"),
+)
 """Columns that have a number for each joint."""
 
 DIMENSIONS = {POSE: "pose_component", TWIST: "twist_component", WRENCH: "wrench_component"}

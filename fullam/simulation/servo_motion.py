@@ -99,14 +99,17 @@ class ArmEntry(NamedTuple):
     rate: Number
     goal: Number
     torque: Number
+    told: Number
+    told_rate: Number
 
 
 class ArmRecordView(NamedTuple):
-    """What `record_arm` is shown."""
+    """What `record_arm` is shown: the true motion, servos and goals, what the law is told."""
 
     arm: Any
     servos: Any
     goals: Any
+    told: Any
     entries: Any
 
 
@@ -235,8 +238,9 @@ def record_arm(view, k):
     row = view.entries[k]
     for i in range(len(view.arm)):
         motion, servo, goal = view.arm[i], view.servos[i], view.goals[i]
+        told = view.told[0][i]
         torque = servo_torque(servo, goal, motion.position, motion.rate)
-        row[i] = ArmEntry(motion.position, motion.rate, goal, torque)
+        row[i] = ArmEntry(motion.position, motion.rate, goal, torque, told.position, told.rate)
 
 
 class PinocchioJoints:

@@ -28,6 +28,7 @@ from fullam.numbers.records import Rows
 from fullam.numbers.vectors import Vector
 from fullam.simulation.contact import TouchView, record_touch, touch, world_rows
 from fullam.simulation.payload import LoadView, load, load_rows
+from fullam.simulation.payload_carrying import Carried
 from fullam.simulation.plant_kind import Plant, PythonStage, SeenArm, Surroundings
 from fullam.simulation.plant_settings import ServoSettings, plant_settings
 from fullam.simulation.servo_motion import (
@@ -88,6 +89,10 @@ class ServoPlant(Plant):
             self.tool = self._empty(Vector, around.tables.periods)
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
+        known = [body for body in payloads if body.known]
+        learned = [body for body in payloads if not body.known and settings.payload == "learned"]
+        if known or learned:
+            self.carried = Carried(plan.nominal, period, own, known, learned)
         self.links = around.drawn.links if self.loads is None else self._empty(Link, n + 1)
         self.seen = SeenArm(
             own,
@@ -108,6 +113,8 @@ class ServoPlant(Plant):
         self._memory.array[:, 1:] = 0.0
         for rows in (self._slopes, self._sums, self.goals, self.seen.motions):
             rows.array[:] = 0.0
+        if self.carried is not None:
+            self.carried.begin()
 
     def stages(self) -> dict[str, Stage]:
         """See `Plant`."""
@@ -135,14 +142,16 @@ class ServoPlant(Plant):
         if self.loads is not None:
             carried = LoadView(self.links, self.around.drawn.links, self.loads)
             stages["load"] = Stage(load, carried)
+        if self.carried is not None:
+            stages |= self._carrying(self.carried)
         if self.tool is not None:
             point = tool_point(self.around.tables.plan.nominal)
             room = self._room.joints
-            view = ToolView(self.around.state, self.seen.links, self.arm, room, point, self.tool)
-            stages["record tool"] = Stage(write_tool, view)
+            held = ToolView(self.around.state, self.seen.links, self.arm, room, point, self.tool)
+            stages["record tool"] = Stage(write_tool, held)
         if self.around.kept:
-            joints = ArmRecordView(self.arm, self.servos, self.goals, self.entries)
-            stages["record arm"] = Stage(record_arm, joints)
+            view = ArmRecordView(self.arm, self.servos, self.goals, self.seen.motions, self.entries)
+            stages["record arm"] = Stage(record_arm, view)
             if self.world is not None:
                 touched = TouchView(
                     self.around.state,
@@ -155,12 +164,33 @@ class ServoPlant(Plant):
                 stages["record touch"] = Stage(record_touch, touched)
         return stages
 
+    @property
+    def _arm_links(self) -> Rows:
+        """The links as the servos' goals and the twin know them."""
+        return self.seen.links if self.carried is None else self.carried.links
+
+    def _carrying(self, carried: Carried) -> dict[str, Stage]:
+        a, seen = self.around, self.seen
+        placed = seen.joints, seen.rows, a.estimate
+        stages = carried.stages(*placed, a.target, a.command, a.delivery)
+        if carried.learner is not None:
+            stages["learn"] = carried.learner.stage(
+                links=seen.links,
+                joints=seen.joints,
+                motions=seen.motions,
+                joint_rows=seen.rows,
+                estimate=a.estimate,
+                ahead=a.tables.ahead,
+                delivery=a.delivery,
+            )
+        return stages
+
     def _goal_view(self) -> GoalView:
         t = self.around.tables
         shares = FEED_FORWARD[self.settings.feed_forward]
         return GoalView(
             Rows.of(GoalNumbers, [GoalNumbers(*shares, t.plan.nominal.gravity)]),
-            self.seen.links,
+            self._arm_links,
             self.servos,
             t.motions,
             t.joint_rows,
@@ -188,7 +218,7 @@ class ServoPlant(Plant):
             self.around.estimate,
             self._memory,
             self._twin_room,
-            PlaceView(self.seen.links, seen.motions, seen.joints, seen.centers),
+            PlaceView(self._arm_links, seen.motions, seen.joints, seen.centers),
         )
 
     def _twin_steps(self, period: float) -> float:
@@ -218,10 +248,10 @@ class ServoPlant(Plant):
         )
 
     def columns(self, rows: int, lane: int, copy: bool) -> dict[str, Array]:
-        """See `Plant`: the true arm, the servos' goals and torques."""
+        """See `Plant`: the true arm, the servos' goals and torques, what the law was told."""
         entries = self.entries.array[:rows]
         entries = entries[..., lane] if self.around.lanes else entries
-        names = "arm", "arm_rate", "arm_goal", "arm_torque"
+        names = "arm", "arm_rate", "arm_goal", "arm_torque", "measured_arm", "measured_arm_rate"
         found = {name: np.array(entries[..., i]) for i, name in enumerate(names)}
         touches = self.touches.array[:rows]
         return found | {
@@ -230,7 +260,8 @@ class ServoPlant(Plant):
 
     def remembered(self) -> Sequence[Rows]:
         """See `Plant`."""
-        return self.arm, self._memory, self.goals
+        carried = () if self.carried is None else self.carried.remembered()
+        return self.arm, self._memory, self.goals, *carried
 
     def steered_by(self, arm: Any, centers: Any, rows: Any) -> dict[str, dict[str, Any]]:
         """See `Plant`: the hand moves what the servos are asked."""

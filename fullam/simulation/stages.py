@@ -7,11 +7,16 @@ A flight is a list of stages, called in turn in every control period:
     estimate  what does the estimator make of it?                    `fullam.control.estimator`
     foresee   take the known lags off                                here, `anticipation`
     govern    take the target's tilt back while force is short       `fullam.control.governor`
+    expect    what does the controller know that the tool carries?   `payload_carrying`
     steer     where shall the arm's servos go?                       `fullam.control.arm_goals`
     encode    what do encoders, or a twin, tell of the arm?          `fullam.control.arm_feedback`
     command   which wrench does the law want?                        `fullam.control.law`
+    lift      what does that take beside?                            `fullam.control.payload_lift`
     allocate  which rotor speeds give it?                            `fullam.control.delivery`
+    share     what of it was the law's?                              `fullam.control.payload_lift`
     inform    tell the law what it did not get                       `fullam.control.law`
+    learn     what hangs at the tool that nobody told of?            `payload_learning`
+    relieve   tell the law what of that is known by now              `fullam.control.law`
     record    write the row of the period                            here
     record arm    write its joints' part                             `servo_motion`
     record tool   write where its tool is, for a track               `tool_track`
@@ -19,8 +24,8 @@ A flight is a list of stages, called in turn in every control period:
     record touch  write what the world does to its tool              `contact`
     move      fly the period                          `plant`, `servo_motion`, `mujoco_plant`
 
-Six of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
-done.
+Eleven of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to
+be done.
 
 Each is a kernel f(view, k) on a view of its own, so Python, machine code and lanes fly the same.
 """
@@ -44,13 +49,16 @@ from fullam.simulation.plant import rotor_wrench
 from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
-    *("watch", "sense", "estimate", "foresee", "govern", "steer", "encode", "command"),
-    *("allocate", "inform", "record", "record arm", "record tool"),
-    *("load", "record touch", "move"),
+    *("watch", "sense", "estimate", "foresee", "govern", "expect", "steer", "encode", "command"),
+    *("lift", "allocate", "share", "inform", "learn", "relieve", "record", "record arm"),
+    *("record tool", "load", "record touch", "move"),
 )
 """The stages, as a control period calls them."""
 
-OF_SERVOS = ("steer", "encode", "record arm", "record tool", "load", "record touch")
+OF_SERVOS = (
+    *("expect", "steer", "encode", "lift", "share", "learn", "relieve", "record arm"),
+    *("record tool", "load", "record touch"),
+)
 """Those that a flight with prescribed joints does without."""
 
 

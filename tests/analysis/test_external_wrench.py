@@ -18,10 +18,11 @@ from fullam.analysis.measured_motion import MeasuredMotion
 from fullam.exceptions import SettingsError, UnknownName
 from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.fused import Fused, run_of
+from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.many import fly_many
 from fullam.simulation.references import Step
 from fullam.simulation.scenario import Scenario
-from fullam.simulation.simulate import prepare
+from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import CALM, PAPER
 
@@ -30,6 +31,10 @@ HOVER = Scenario(
     "hover", Step((0.0, 0.0, 1.0)), duration=12.0, initial_arm_deg=(-90.0, 0.0, -45.0, 0.0),
     weather=QUIET,
 )  # fmt: skip
+
+
+HALVES = slice(3), slice(3, 6)
+"""Force and moment."""
 
 
 def pushed(plan, push, seeds=range(8)):
@@ -63,6 +68,27 @@ def test_three_newtons_are_seen(three_newtons, method):
         errors.append(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
     # 0.15 N in the mean of the seeds 0..15, of which 0.12 are the rotors' +-10 %.
     assert np.mean(errors) < 0.25
+
+
+def test_while_the_arm_swings_fast_on_servos_their_twin_tells_three_times_as_well():
+    t = np.arange(0.0, 8.01, 0.05)
+    s = np.clip((t - 5.0) / 0.45, 0.0, 1.0)
+    swing = np.tile([-90.0, 0.0, -45.0, 0.0], (t.size, 1))
+    swing[:, 0] += 50.0 * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    motion = JointTrajectory.from_arrays(tuple(t), swing)
+    exact = replace(QUIET, uncertainty=CALM.uncertainty)
+    scenario = replace(HOVER, duration=8.0, arm_motion=motion, weather=exact)
+    off = {}
+    for feedback in ("truth", "twin", "encoder"):
+        servo = {"plant": "servo", "plant_settings": {"feedback": feedback}}
+        run = simulate(scenario, "dc-pid-plus", driver="fused", simulation=servo)
+        found = external_wrench(run, WrenchSettings("momentum", tare=(1.0, 4.5)))
+        fast = (found.t > 5.0) & (found.t < 5.8)
+        off[feedback] = np.sqrt(np.mean(found.wrench[fast] ** 2, axis=0))
+    force, moment = ({k: np.linalg.norm(v[p]) for k, v in off.items()} for p in HALVES)
+    # 0.10, 0.15, 0.45 N and 0.01, 0.06, 0.21 N m.
+    assert force["truth"] < force["twin"] < 0.25 and force["encoder"] > 2.0 * force["twin"]
+    assert moment["truth"] < moment["twin"] < 0.1 and moment["encoder"] > 2.0 * moment["twin"]
 
 
 def test_in_calm_air_it_is_exact():

@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -139,3 +140,10 @@ def test_failed_rotors_cost_rank():
     assert three_left.actuation_rank() == 3
     object.__setattr__(three_left, "rotors", vehicle.rotors.with_failed(*range(8)))
     assert three_left.actuation_rank() == 0
+
+
+@pytest.mark.parametrize("length", [0.0, 2.0, 1e300])
+def test_a_thrust_axis_is_a_unit_vector_whatever_its_length(length):
+    rotors = load_vehicle("fullam").rotors
+    with pytest.raises(VehicleError, match=r"axis of rotor 'rotor_1': has length (0|2|inf)"):
+        replace(rotors, axes=rotors.axes * length)

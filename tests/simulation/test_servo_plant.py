@@ -223,6 +223,19 @@ def test_torques_in_the_record_are_the_servos():
     np.testing.assert_allclose(run.arm_torque[-1], held, atol=0.01)
 
 
+@pytest.mark.parametrize("feedback", ["truth", "encoder", "twin"])
+def test_the_record_keeps_what_the_law_was_told_of_the_joints(feedback):
+    swing = scenario(motion=SineRate(joint=2, rate=1.0, frequency=0.5), duration=1.0)
+    run = fly(swing, settings={"feedback": feedback})
+    off = np.abs(run.measured_arm - run.arm).max()
+    if feedback == "truth":
+        np.testing.assert_array_equal(run.measured_arm, run.arm)
+        np.testing.assert_array_equal(run.measured_arm_rate, run.arm_rate)
+    else:  # an encoder's half step; the first reading of the twin is one, too
+        assert 0.0 < off <= 0.51 * run.vehicle.servos.resolution.max()
+    assert run.units["measured_arm_rate"] == "rad/s"
+
+
 def test_stops_hold_a_joint_that_is_driven_against_them():
     vehicle = VEHICLES["fullam"]
     stiff = vehicle.definition | {"servo": {"slope_deg": 30.0}}
