@@ -12,6 +12,7 @@ from fullam.viz.viewer.browser import chromium_path
 
 # What writes the book also reads the code in it.
 sys.path.insert(0, str(Path(__file__).parents[1] / "notebooks" / "book"))
+sys.path.insert(0, str(Path(__file__).parent / "support"))
 
 # Small matrices: more threads than idle processors take up to fifty times as long.
 threadpool_limits(1)

@@ -8,8 +8,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
+import nbformat
 import pytest
 from fullam_book import code_blocks, schemas
+from fullam_book.cells import as_page
 from fullam_book.executed import NOTEBOOKS, executed
 from fullam_book.tables import of_maker
 
@@ -39,6 +41,16 @@ def test_a_notebook_runs_from_top_to_bottom(notebook):
     # That machine code is compiled is told once on each machine.
     lines = [line for text in said for line in text.splitlines()]
     assert [line for line in lines if not line.startswith("compiling ")] == []
+
+
+def test_a_page_tells_what_a_notebook_printed_and_not_that_code_was_compiled(tmp_path):
+    content = nbformat.read(NOTEBOOKS[0], as_version=4)
+    cell = next(cell for cell in content.cells if cell.cell_type == "code")
+    streams = {"stderr": "compiling a law; this happens once\n", "stdout": "flown\n"}
+    cell.outputs = [nbformat.v4.new_output("stream", name=n, text=t) for n, t in streams.items()]
+    page = nbformat.writes(as_page(content, NOTEBOOKS[0], tmp_path, "views"))
+    assert "flown" in page
+    assert "compiling" not in page
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)

@@ -114,9 +114,9 @@ class Judge:
         tool = self.tool and self.tool.until(rows)
         return Judge(self.asked.until(rows), self.controlled, self.floors, self.weight, tool)
 
-    def over(self, track: Rows) -> TrackJudge:
-        """The judge of what is written to a track, for one thread."""
-        return TrackJudge(self, track)
+    def over(self, track: Rows, tool: Rows | None = None) -> TrackJudge:
+        """The judge of what is written to a track, for one thread; see `TrackJudge`."""
+        return TrackJudge(self, track, tool)
 
     @cached_property
     def terms(self) -> Terms:
@@ -158,12 +158,19 @@ class Judge:
 class TrackJudge:
     """Judges the flights that are written to one track, again and again; belongs to one thread."""
 
-    def __init__(self, judge: Judge, track: Rows, compiled: bool | None = None) -> None:
+    def __init__(
+        self,
+        judge: Judge,
+        track: Rows,
+        tool: Rows | None = None,
+        compiled: bool | None = None,
+    ) -> None:
         """Bind the kernels to the track.
 
         Args:
             judge: How flights are judged.
             track: `Flown`, as many rows as the plan has periods, in lanes or not.
+            tool: Where the tool was, as many rows; None where the arm followed its motion.
             compiled: Whether to run machine code; None where that can be had.
 
         Raises:
@@ -174,7 +181,8 @@ class TrackJudge:
                 f"the track has {len(track.array)} rows, the plan {len(judge.asked.t)} periods: "
                 "give a track with one row a control period"
             )
-        self._judge, self._track, self._compiled = judge, track, compiled
+        self._judge, self._track, self._tool = judge, track, tool
+        self._compiled = compiled
         self._program = FigureProgram(judge.terms, track, compiled)
 
     def figures(self, rows: Sequence[int], diverged: Sequence[bool]) -> Figures:
@@ -226,6 +234,12 @@ class TrackJudge:
         figures.numbers[flights, step : step + 6] = judge.asked.step
         figures["duration_s"][flights] = judge.asked.t[-1]
         if judge.tool is not None:
-            poses = self._track.array[:rows, columns(Flown)["pose"]].reshape(rows, 7, -1)
-            for k in flights:
-                figures["tool_rms_mm"][k] = judge.tool.rms_mm(poses[..., k])
+            tools = self._tools(judge.tool, rows, flights)
+            figures["tool_rms_mm"][flights] = judge.tool.rms_mm(tools)
+
+    def _tools(self, asked: AskedTool, rows: int, flights: NDArray[np.intp]) -> Array:
+        """Where the tools of some flights were, shape (rows, 3, flights) [m]."""
+        if self._tool is not None:
+            return self._tool.array[:rows].reshape(rows, 3, -1)[..., flights]
+        poses = self._track.array[:rows, columns(Flown)["pose"]].reshape(rows, 7, -1)
+        return np.stack([asked.held_at(poses[..., k]) for k in flights], axis=-1)

@@ -7,7 +7,7 @@ of some threads, and are judged where they were flown. All others fly one by one
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +125,7 @@ def fly_judged(
         return
 
     def collect(block: Block) -> Callable[[Sequence[int]], list[Judged]]:
-        of_track = judge.over(block.track)
+        of_track = judge.over(block.track, block.plant.tool)
         swinging = SwingWatch(block, of_track)
 
         def judged(some: Sequence[int]) -> list[Judged]:
@@ -145,15 +145,11 @@ def fly_judged(
 
 
 def judge_of(plan: FlightPlan) -> Judge:
-    """How the flights of a plan are judged.
-
-    A track keeps no joints: of an arm that yields, the tool's error is not known here.
-    """
+    """How the flights of a plan are judged; where an arm that yields holds its tool is theirs."""
     initial_pose = np.array(plan.scenario.initial_pose)
-    tool = None
-    if in_kernels(plan.simulation.plant, {})[0] == "prescribed":
-        arm = plan.arm.theta[plan.arm_row(1) * np.arange(len(plan.t))]
-        tool = AskedTool.of(plan.scenario, plan.nominal, plan.t, arm)
+    yields = in_kernels(plan.simulation.plant, {})[0] != "prescribed"
+    arm = plan.arm.theta[plan.arm_row(1) * np.arange(1 if yields else len(plan.t))]
+    tool = AskedTool.of(plan.scenario, plan.nominal, plan.t, arm)
     return Judge(
         AskedMotion.of(plan.t, plan.asked.pose, initial_pose),
         np.array(plan.scenario.axes_mask),
@@ -178,6 +174,9 @@ def _fly_by_python(plan: FlightPlan, seed: int, judge: Judge, trace_every: int) 
         unknown = Figures.unknown(judge.controlled, np.array([False]))
         traces = _traces(np.empty((0, 7, 1)), [0], trace_every)
         return Judged((seed,), ("failed",), (str(error),), unknown, traces)
+    if judge.tool is not None and len(run):  # its arm may have yielded
+        tool = AskedTool.of(plan.scenario, plan.nominal, run.t, run.arm)
+        judge = replace(judge, tool=tool)
     figures = figures_of(judge, run, plan.nominal.rotors.k_f)
     traces = _traces(run.pose[..., None], [len(run)], trace_every)
     return Judged((seed,), (run.outcome,), (run.metadata["reason"],), figures, traces)

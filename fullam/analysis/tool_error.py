@@ -23,7 +23,8 @@ class AskedTool:
     Attributes:
         counts: Which rows belong to the path, shape (N,).
         places: Where the tool should be, shape (N, 3) [m].
-        reach: Where the arm holds it, from {A} in its axes, shape (N, 3) [m].
+        reach: Where the arm holds it, from {A} in its axes, shape (N, 3) or, at the start alone,
+            (1, 3) [m].
     """
 
     counts: NDArray[np.bool_]
@@ -38,11 +39,12 @@ class AskedTool:
             scenario: The scenario.
             vehicle: The nominal vehicle.
             t: Times, shape (N,), N > 0 [s].
-            arm: Joint positions, shape (N, n) [rad or m].
+            arm: Joint positions, shape (N, n); or, of an arm that yields, those that it begins
+                with, shape (1, n) [rad or m].
         """
         if scenario.tool is None:
             return None
-        reach = ToolKinematics(vehicle).places(np.tile(IDENTITY, (len(t), 1)), arm)
+        reach = ToolKinematics(vehicle).places(np.tile(IDENTITY, (len(arm), 1)), arm)
         pose = scenario.initial_pose
         start = pose[:3] + quaternion_rotation(pose[3:]) @ reach[0]
         return cls(scenario.tool.while_it_lasts(t), start + scenario.tool.offsets(t), reach)
@@ -51,15 +53,20 @@ class AskedTool:
         """The part that a flight of that many rows has seen."""
         return AskedTool(self.counts[:rows], self.places[:rows], self.reach[:rows])
 
-    def errors(self, pose: Array) -> Array:
-        """Distance of the tool from its place at poses of shape (N, 7), shape (N,) [m]."""
-        tool = (
-            pose[:, :3] + np.matmul(quaternion_rotation(pose[:, 3:]), self.reach[..., None])[..., 0]
-        )
-        return np.asarray(np.linalg.norm(tool - self.places, axis=1))
+    def held_at(self, pose: Array) -> Array:
+        """Where the arm holds the tool at poses of shape (N, 7), shape (N, 3) [m]."""
+        turned = np.matmul(quaternion_rotation(pose[:, 3:]), self.reach[..., None])[..., 0]
+        return np.asarray(pose[:, :3] + turned)
 
-    def rms_mm(self, pose: Array) -> float:
-        """Root mean square of the distance along the path [mm]; NaN if no row belongs to it."""
+    def rms_mm(self, tools: Array) -> Array:
+        """Root mean square of each tool's distance from the path [mm]; NaN if no row belongs to it.
+
+        Args:
+            tools: Where they were, shape (N, 3, flights) [m].
+        """
         if not self.counts.any():
-            return float("nan")
-        return float(1e3 * np.sqrt(np.mean(np.square(self.errors(pose)[self.counts]))))
+            return np.full(tools.shape[2], np.nan)
+        x, y, z = np.moveaxis((tools - self.places[..., None])[self.counts], 1, 0)
+        squares = np.square(np.sqrt(x * x + y * y + z * z))
+        means = [np.mean(one) for one in squares.T]
+        return np.asarray(1e3 * np.sqrt(means))

@@ -42,8 +42,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fullam.control.dc_pid import PidMemory, PreviousMemory
-from fullam.control.dc_pid_plus import Beside, DcPidPlusNumbers, Perception, answered, perceived
+from fullam.control.dc_pid_plus import DcPidPlusNumbers
 from fullam.control.signals import Target
 from fullam.control.tare import (
     TareMemory,
@@ -56,7 +55,7 @@ from fullam.control.tare import (
 )
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.numbers.kernel import Number, absolute, clip, kernel, minimum, select
-from fullam.numbers.vectors import axpy, dot
+from fullam.numbers.vectors import axpy
 
 
 @dataclass(frozen=True)
@@ -120,22 +119,6 @@ class Numbers(NamedTuple):
     contact: AdmittanceNumbers
 
 
-class Memory(NamedTuple):
-    """dc-PID+'s memory and the contact's."""
-
-    nominal: PidMemory
-    beside: Beside
-    contact: AdmittanceMemory
-
-
-class MemoryOfPrevious(NamedTuple):
-    """The same with "previous_wrench"."""
-
-    nominal: PreviousMemory
-    beside: Beside
-    contact: AdmittanceMemory
-
-
 @kernel
 def untouched():
     """The contact's memory at the start."""
@@ -173,27 +156,10 @@ def displaced(n, contact, target):
 
 
 @kernel
-def admittance(law, delivered, numbers, chain, estimate, target, memory):
-    """The command and the three parts of the memory; arguments as in `dc_pid_plus`."""
-    contact, n = numbers.contact, numbers.contact.tare.normal
-    seen = perceived(numbers.plus, chain, estimate, memory.beside)
-    d = seen.observer.wrench
-    along = dot(d.linear, n)
-    pushing = engaged(contact.tare, memory.contact.tare)
-    after = yielded(contact, memory.contact, along)
-    held = axpy(after.tare.value - along, n, d.linear)
-    cancelled = Spatial(select(pushing, held, d.linear), d.angular)
-    answer, nominal, beside = answered(
-        law,
-        delivered,
-        numbers.plus,
-        chain,
-        estimate,
-        select(pushing, displaced(n, after, target), target),
-        memory,
-        Perception(seen.caution, seen.factors, seen.observer, cancelled),
-    )
-    return answer, nominal, beside, after
+def contact(numbers, memory, along, estimate, target):
+    """The virtual mass moves, and takes the target with it; see `Touching`."""
+    after = yielded(numbers, memory, along)
+    return after, displaced(numbers.tare.normal, after, target), after.tare.value - along
 
 
 class Admittance(Touching):
@@ -202,8 +168,8 @@ class Admittance(Touching):
     name = "admittance"
     Settings = AdmittanceSettings
     settings: AdmittanceSettings
-    memories = Memory, MemoryOfPrevious
-    touching = admittance, untouched
+    contact_memory = AdmittanceMemory
+    contact_kernels = contact, untouched
 
     def numbers(self) -> Any:
         """See `AdmittanceNumbers`."""

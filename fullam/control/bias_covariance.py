@@ -19,9 +19,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fullam.control.kalman import Error, add_noise, pushed
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.numbers.kernel import Number, kernel
-from fullam.numbers.vectors import Matrix, Vector, add, axpy, cross, multiply, rotate, scale
+from fullam.numbers.vectors import Matrix, add, axpy, multiply, rotate, scale
 
 
 class BiasStep(NamedTuple):
@@ -32,14 +33,6 @@ class BiasStep(NamedTuple):
     first: Matrix
     second: Matrix
     pull: Matrix
-
-
-class Motion(NamedTuple):
-    """An error of position (world), attitude ({A}) and velocity (world)."""
-
-    position: Vector
-    attitude: Vector
-    velocity: Vector
 
 
 @kernel
@@ -69,13 +62,6 @@ def bias_step(period, before, after):
 
 
 @kernel
-def pushed(R, f):
-    """R s(f), whose row is r s(f) = r x f for a row r of R."""
-    a, b, c = cross(R[0:3], f), cross(R[3:6], f), cross(R[6:9], f)
-    return (a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
-
-
-@kernel
 def carry_biased(step, x, b, c):
     """The first nine entries of F x, for an error x of the motion and errors b, c of the biases."""
     half = -0.5 * step.period
@@ -83,7 +69,7 @@ def carry_biased(step, x, b, c):
     push = add(rotate(step.first, x.attitude), rotate(step.second, e))
     v = add(x.velocity, add(push, rotate(step.pull, c)))
     p = axpy(-half, add(x.velocity, v), x.position)
-    return Motion(p, e, v)
+    return Error(p, e, v)
 
 
 @kernel
@@ -99,7 +85,7 @@ def predict(numbers, P, step, moved):
     for j in range(15):
         y = carry_biased(
             step,
-            Motion(
+            Error(
                 (P[0][j], P[1][j], P[2][j]),
                 (P[3][j], P[4][j], P[5][j]),
                 (P[6][j], P[7][j], P[8][j]),
@@ -114,7 +100,7 @@ def predict(numbers, P, step, moved):
         row = P[i]
         y = carry_biased(
             step,
-            Motion((row[0], row[1], row[2]), (row[3], row[4], row[5]), (row[6], row[7], row[8])),
+            Error((row[0], row[1], row[2]), (row[3], row[4], row[5]), (row[6], row[7], row[8])),
             (row[9], row[10], row[11]),
             (row[12], row[13], row[14]),
         )
@@ -125,12 +111,7 @@ def predict(numbers, P, step, moved):
             P[j][i] = row[j]
         for j in range(9, 15):
             P[j][i] = row[j]
-    for i in range(3):
-        P[i][i] = P[i][i] + numbers.position
-        P[3 + i][3 + i] = P[3 + i][3 + i] + numbers.attitude
-        P[6 + i][6 + i] = P[6 + i][6 + i] + numbers.velocity
-        P[i][6 + i] = P[i][6 + i] + numbers.mixed
-        P[6 + i][i] = P[6 + i][i] + numbers.mixed
+    add_noise(numbers.kalman, P)
     add_drift(numbers, P, moved)
 
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,7 @@ from fullam.numbers.records import flat, record
 from fullam.numbers.vectors import ZERO, Vector, dot, scale
 
 Array = NDArray[np.float64]
+Nominal = TypeVar("Nominal")
 
 
 @dataclass(frozen=True)
@@ -152,17 +153,10 @@ class Beside(NamedTuple):
     turn: Vector
 
 
-class PlusMemory(NamedTuple):
-    """dc-PID's memory, and what is beside it."""
+class PlusMemory(NamedTuple, Generic[Nominal]):
+    """dc-PID's memory, which depends on its compensation, and what is beside it."""
 
-    nominal: PidMemory
-    beside: Beside
-
-
-class PlusPreviousMemory(NamedTuple):
-    """The same with "previous_wrench"."""
-
-    nominal: PreviousMemory
+    nominal: Nominal
     beside: Beside
 
 
@@ -218,7 +212,7 @@ def answered(law, delivered, numbers, chain, estimate, target, memory, perceptio
         chain: The nominal vehicle with its arm in motion.
         estimate: What is told of the platform.
         target: Where it should be.
-        memory: `PlusMemory` or `PlusPreviousMemory`.
+        memory: `PlusMemory`.
         perception: What this period's estimate tells.
 
     Returns:
@@ -270,37 +264,32 @@ def start_beside(numbers, chain, estimate):
 
 
 @cache
-def around(dc_pid: LawKernels, Memory: type) -> LawKernels:
-    """dc-PID+ around the kernels of dc-PID, for either way to cut the algebraic loop.
-
-    Args:
-        dc_pid: dc-PID's kernels.
-        Memory: `PlusMemory` or `PlusPreviousMemory`, whichever holds dc-PID's memory.
-    """
+def around(dc_pid: LawKernels) -> LawKernels:
+    """dc-PID+ around the kernels of dc-PID, for either way to cut the algebraic loop."""
     start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):
         nominal = start_nominal(numbers.nominal, chain, estimate)
-        return Memory(nominal, start_beside(numbers, chain, estimate))
+        return PlusMemory(nominal, start_beside(numbers, chain, estimate))
 
     @kernel
     def command(numbers, chain, estimate, target, memory):
         answer, nominal, beside = dc_pid_plus(
             command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
         )
-        return answer, Memory(nominal, beside)
+        return answer, PlusMemory(nominal, beside)
 
     @kernel
     def delivered(numbers, chain, estimate, memory, delivery):
         nominal, beside = inform(delivered_nominal, numbers, chain, estimate, memory, delivery)
-        return Memory(nominal, beside)
+        return PlusMemory(nominal, beside)
 
     @kernel
     def relieved(numbers, chain, estimate, memory, wrench):
         b = memory.beside
         observer = less(numbers.observer, b.observer, wrench)
-        return Memory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
+        return PlusMemory(memory.nominal, Beside(observer, b.caution, b.difference, b.turn))
 
     return LawKernels(start, command, delivered, relieved)
 
@@ -324,12 +313,12 @@ class DcPidPlus(DcPid):
     @property
     def Memory(self) -> type:  # type: ignore[override]
         """What the law remembers."""
-        return PlusPreviousMemory if self.previous else PlusMemory
+        return PlusMemory[PreviousMemory] if self.previous else PlusMemory[PidMemory]
 
     @property
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
-        return around(super().kernels, self.Memory)
+        return around(super().kernels)
 
     def numbers(self) -> Any:
         """See `DcPidPlusNumbers`."""
@@ -376,4 +365,4 @@ class DcPidPlus(DcPid):
         answer, *memory = dc_pid_plus(
             law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
         )
-        return answer, self.Memory(*memory)
+        return answer, PlusMemory(*memory)

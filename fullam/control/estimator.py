@@ -207,7 +207,8 @@ class KernelEstimator(Estimator):
 
     Attributes:
         kernel: f(numbers, memory, readings, k) -> Estimate. In period 0 it begins anew; where k is
-            a multiple of `numbers.every`, the pose is a new one, if `readings.is_new` is 1.
+            a multiple of the datasheet's pose_every and `readings.is_new` is 1, the pose is a new
+            one.
         state: What it remembers, as lists of records, while it is used from Python; else None.
     """
 
@@ -224,7 +225,10 @@ class KernelEstimator(Estimator):
 
     @abstractmethod
     def numbers(self) -> Any:
-        """Settings and sensors as a record of numbers; `every` is the datasheet's pose_every."""
+        """Settings and sensors as a record of numbers.
+
+        `every` of it is the datasheet's pose_every where no inertial sensors are read.
+        """
 
     @abstractmethod
     def memory(self, lanes: int = 0) -> Any:

@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fullam.control.dc_pid import PidMemory, PreviousMemory
-from fullam.control.dc_pid_plus import Beside, DcPidPlusNumbers, Perception, answered, perceived
+from fullam.control.dc_pid_plus import DcPidPlusNumbers
 from fullam.control.signals import Target
 from fullam.control.tare import (
     TareMemory,
@@ -86,22 +85,6 @@ class HybridNumbers(NamedTuple):
     contact: ForceNumbers
 
 
-class HybridMemory(NamedTuple):
-    """dc-PID+'s memory and the contact's."""
-
-    nominal: PidMemory
-    beside: Beside
-    contact: ForceMemory
-
-
-class HybridPreviousMemory(NamedTuple):
-    """The same with "previous_wrench"."""
-
-    nominal: PreviousMemory
-    beside: Beside
-    contact: ForceMemory
-
-
 @kernel
 def untouched():
     """The contact's memory at the start."""
@@ -135,27 +118,11 @@ def freed(numbers, estimate, target):
 
 
 @kernel
-def hybrid(law, delivered, numbers, chain, estimate, target, memory):
-    """The command and the three parts of the memory; arguments as in `dc_pid_plus`."""
-    contact, n = numbers.contact, numbers.contact.tare.normal
-    seen = perceived(numbers.plus, chain, estimate, memory.beside)
-    d = seen.observer.wrench
-    along = dot(d.linear, n)
-    pushing = engaged(contact.tare, memory.contact.tare)
-    after = felt_contact(contact, memory.contact, along)
-    held = axpy(after.tare.value - along - after.share * contact.force, n, d.linear)
-    cancelled = Spatial(select(pushing, held, d.linear), d.angular)
-    answer, nominal, beside = answered(
-        law,
-        delivered,
-        numbers.plus,
-        chain,
-        estimate,
-        select(pushing, freed(contact, estimate, target), target),
-        memory,
-        Perception(seen.caution, seen.factors, seen.observer, cancelled),
-    )
-    return answer, nominal, beside, after
+def contact(numbers, memory, along, estimate, target):
+    """The force is added as far as something pushes back; see `Touching`."""
+    after = felt_contact(numbers, memory, along)
+    change = after.tare.value - along - after.share * numbers.force
+    return after, freed(numbers, estimate, target), change
 
 
 class HybridForce(Touching):
@@ -164,8 +131,8 @@ class HybridForce(Touching):
     name = "hybrid-force"
     Settings = HybridForceSettings
     settings: HybridForceSettings
-    memories = HybridMemory, HybridPreviousMemory
-    touching = hybrid, untouched
+    contact_memory = ForceMemory
+    contact_kernels = contact, untouched
 
     def numbers(self) -> Any:
         """See `HybridNumbers`."""

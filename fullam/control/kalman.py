@@ -30,7 +30,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fullam.control.estimator import EstimatorSettings, Inertial, KernelEstimator
+from fullam.control.estimator import Datasheet, EstimatorSettings, Inertial, KernelEstimator
 from fullam.control.signals import Estimate
 from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
@@ -107,6 +107,25 @@ class KalmanNumbers(NamedTuple):
     read_position: Number
     read_attitude: Number
     start: Number
+
+
+def kalman_numbers(sheet: Datasheet, settings: KalmanSettings, period: float) -> KalmanNumbers:
+    """The filter as numbers, by what the sensors' sheet states and the control period [s]."""
+    s, T = settings, period
+    q_w = sheet.gyroscope_noise**2 + s.sampling_noise[0] ** 2
+    q_a = sheet.accelerometer_noise**2 + s.sampling_noise[1] ** 2
+    return KalmanNumbers(
+        every=float(sheet.pose_every),
+        period=T,
+        gravity=sheet.gravity,
+        position=0.25 * T**4 * q_a,
+        mixed=0.5 * T**3 * q_a,
+        velocity=T**2 * q_a,
+        attitude=T**2 * q_w,
+        read_position=max(sheet.position_noise, s.least_pose_noise[0]) ** 2,
+        read_attitude=max(sheet.attitude_noise, s.least_pose_noise[1]) ** 2,
+        start=s.initial_speed**2,
+    )
 
 
 class InertialPose(NamedTuple):
@@ -219,10 +238,15 @@ def corrected(now, x):
 def step_between(numbers, before, after):
     """F of a control period, from the estimates at its ends."""
     T, R = numbers.period, rotation_matrix(after.pose.attitude)
-    f = scale(-T, after.inertial.accelerometer)
-    a, b, c = cross(R[0:3], f), cross(R[3:6], f), cross(R[6:9], f)  # a row r of R: r s(f) = r x f
-    push = (a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
+    push = pushed(R, scale(-T, after.inertial.accelerometer))
     return Step(T, mean_turn(T, before.inertial, after.inertial), push)
+
+
+@kernel
+def pushed(R, f):
+    """R s(f), whose row is r s(f) = r x f for a row r of R."""
+    a, b, c = cross(R[0:3], f), cross(R[3:6], f), cross(R[6:9], f)
+    return (a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
 
 
 @kernel
@@ -239,6 +263,12 @@ def begin(numbers, P):
     for i in range(9):
         for j in range(9):
             P[i][j] = 0.0
+    uncertain(numbers, P)
+
+
+@kernel
+def uncertain(numbers, P):
+    """Variances of position, attitude and velocity at the start."""
     for i in range(3):
         P[i][i] = numbers.read_position
         P[3 + i][3 + i] = numbers.read_attitude
@@ -265,6 +295,12 @@ def predict(numbers, P, step):
         row[6], row[7], row[8] = x.velocity
         for j in range(i):
             P[j][i] = row[j]
+    add_noise(numbers, P)
+
+
+@kernel
+def add_noise(numbers, P):
+    """Add Q, what a period adds to the uncertainty of position, attitude and velocity."""
     for i in range(3):
         P[i][i] = P[i][i] + numbers.position
         P[3 + i][3 + i] = P[3 + i][3 + i] + numbers.attitude
@@ -274,12 +310,18 @@ def predict(numbers, P, step):
 
 
 @kernel
+def innovate(y, reading, pose):
+    """Write the innovation [p_m - p; log(R^T R_m)] of a pose reading to y."""
+    y[0], y[1], y[2] = subtract(reading.position, pose.position)
+    y[3], y[4], y[5] = boxminus(reading.attitude, pose.attitude)
+
+
+@kernel
 def take(numbers, memory, now, readings):
     """Correct estimate and covariance by a pose reading, in the flights that have a new one."""
-    is_new, reading = readings.is_new, readings.pose
+    is_new = readings.is_new
     P, y, x, c = memory.covariance, memory.innovation, memory.correction, memory.column
-    y[0], y[1], y[2] = subtract(reading.position, now.pose.position)
-    y[3], y[4], y[5] = boxminus(reading.attitude, now.pose.attitude)
+    innovate(y, readings.pose, now.pose)
     for i in range(9):
         x[i] = 0.0
     for j in range(6):
@@ -310,21 +352,7 @@ class Kalman(KernelEstimator):
 
     def numbers(self) -> KalmanNumbers:
         """See `KalmanNumbers`."""
-        sheet, s, T = self.datasheet, self.settings, self.period
-        q_w = sheet.gyroscope_noise**2 + s.sampling_noise[0] ** 2
-        q_a = sheet.accelerometer_noise**2 + s.sampling_noise[1] ** 2
-        return KalmanNumbers(
-            every=float(sheet.pose_every),
-            period=T,
-            gravity=sheet.gravity,
-            position=0.25 * T**4 * q_a,
-            mixed=0.5 * T**3 * q_a,
-            velocity=T**2 * q_a,
-            attitude=T**2 * q_w,
-            read_position=max(sheet.position_noise, s.least_pose_noise[0]) ** 2,
-            read_attitude=max(sheet.attitude_noise, s.least_pose_noise[1]) ** 2,
-            start=s.initial_speed**2,
-        )
+        return kalman_numbers(self.datasheet, self.settings, self.period)
 
     def memory(self, lanes: int = 0) -> KalmanMemory:
         """Room, to be filled in the first period."""

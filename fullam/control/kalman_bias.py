@@ -26,10 +26,19 @@ from typing import Any, ClassVar, NamedTuple
 
 from fullam.control.bias_covariance import absorb, bias_step, mirror, predict
 from fullam.control.estimator import Inertial, KernelEstimator
-from fullam.control.kalman import InertialPose, Kalman, KalmanSettings, carry
+from fullam.control.kalman import (
+    InertialPose,
+    Kalman,
+    KalmanNumbers,
+    KalmanSettings,
+    carry,
+    innovate,
+    kalman_numbers,
+    uncertain,
+)
 from fullam.control.pose_gate import distance, doubt
 from fullam.control.signals import Estimate
-from fullam.dynamics.so3 import boxminus, boxplus, rotation_matrix
+from fullam.dynamics.so3 import boxplus, rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
 from fullam.numbers.kernel import Number, both, kernel, select, some
 from fullam.numbers.records import Rows
@@ -74,23 +83,14 @@ class KalmanBiasSettings(KalmanSettings):
 
 
 class KalmanBiasNumbers(NamedTuple):
-    """Rates, gravity, variances and the gate.
+    """What `Kalman` knows, the variances of the biases, and the gate.
 
-    The first ten are those of `KalmanNumbers`. Then variances at the start, of both biases and of
-    what the readings there are off; variances that a period adds to the biases; the same by the
-    square of how far a mean has moved; share of a reading in that mean; and the gate's settings.
+    Variances at the start, of both biases and of what the readings there are off; variances that a
+    period adds to the biases; the same by the square of how far a mean has moved; share of a
+    reading in that mean; and the gate's settings.
     """
 
-    every: Number
-    period: Number
-    gravity: Number
-    position: Number
-    mixed: Number
-    velocity: Number
-    attitude: Number
-    read_position: Number
-    read_attitude: Number
-    start: Number
+    kalman: KalmanNumbers
     start_bias: tuple[Number, Number]
     start_noise: tuple[Number, Number]
     drift: tuple[Number, Number]
@@ -144,9 +144,9 @@ def kalman_bias(numbers, memory, readings, k):
         before = late[0]
         after = carry_on(numbers, before, waiting[(k + 1) % span])
         late[0] = after
-        step = bias_step(numbers.period, before.now, after.now)
+        step = bias_step(numbers.kalman.period, before.now, after.now)
         predict(numbers, memory.covariance, step, unbiased(after.mean, after.slow))
-    if k > 0 and k % int(numbers.every) == 0 and some(readings.is_new > 0.0):
+    if k > 0 and k % int(numbers.kalman.every) == 0 and some(readings.is_new > 0.0):
         late[0] = take(numbers, memory, readings)
     flying = late[0]
     for i in range(max(1, k - span + 2), k + 1):
@@ -174,7 +174,7 @@ def carry_on(numbers, flying, reading):
     inertial, share = unbiased(reading, flying.bias), numbers.share
     mean = nearer(share, flying.mean, inertial)
     slow = nearer(share, flying.slow, mean)
-    return Flying(carry(numbers, flying.now, inertial), flying.bias, mean, slow)
+    return Flying(carry(numbers.kalman, flying.now, inertial), flying.bias, mean, slow)
 
 
 @kernel
@@ -215,14 +215,12 @@ def begin(numbers, memory, readings):
         x[i] = 0.0
         for j in range(15):
             P[i][j] = 0.0
+    uncertain(numbers.kalman, P)
     for i in range(3):
-        P[i][i] = numbers.read_position
-        P[3 + i][3 + i] = numbers.read_attitude
-        P[6 + i][6 + i] = numbers.start
         P[9 + i][9 + i] = numbers.start_bias[0]
         P[12 + i][12 + i] = numbers.start_bias[1]
     R, w = rotation_matrix(readings.pose.attitude), readings.gyroscope
-    up = scale(numbers.gravity, R[6:9])  # -R^T g; turning R by e turns it by up x e
+    up = scale(numbers.kalman.gravity, R[6:9])  # -R^T g; turning R by e turns it by up x e
     y = subtract(readings.accelerometer, up)
     for i in range(3):
         for j in range(15):
@@ -267,10 +265,8 @@ def felt(numbers, memory, i, turn, y):
 def take(numbers, memory, readings):
     """Correct estimate and covariance by a new pose, where there is one and it is plausible."""
     P, y, x, c = memory.covariance, memory.innovation, memory.correction, memory.column
-    flying, reading = memory.late[0], readings.pose
-    pose = flying.now.pose
-    y[0], y[1], y[2] = subtract(reading.position, pose.position)
-    y[3], y[4], y[5] = boxminus(reading.attitude, pose.attitude)
+    flying, own = memory.late[0], numbers.kalman
+    innovate(y, readings.pose, flying.now.pose)
     is_new = readings.is_new > 0.0
     plausible = distance(numbers, memory) <= numbers.gate
     taken = both(is_new, plausible)
@@ -280,7 +276,7 @@ def take(numbers, memory, readings):
     for j in range(6):
         for i in range(15):
             c[i] = P[j][i] if i < j else P[i][j]
-        weight = accept / (c[j] + (numbers.read_position if j < 3 else numbers.read_attitude))
+        weight = accept / (c[j] + (own.read_position if j < 3 else own.read_attitude))
         absorb(P, x, c, weight, y[j] - x[j])
     doubt(numbers, memory, is_new, plausible)
     mirror(P)
@@ -302,8 +298,6 @@ class KalmanBias(KernelEstimator):
     def numbers(self) -> KalmanBiasNumbers:
         """See `KalmanBiasNumbers`."""
         sheet, s, T = self.datasheet, self.settings, self.period
-        shared = KalmanSettings(**{name: getattr(s, name) for name in SHARED})
-        common = Kalman(sheet, shared, T).numbers()
         # At rest the scale error of the accelerometer is a bias, too.
         weight = sheet.accelerometer_scale * sheet.gravity
         bias_w = sheet.gyroscope_bias**2 + s.least_bias[0] ** 2
@@ -312,7 +306,7 @@ class KalmanBias(KernelEstimator):
         start_f = sheet.accelerometer_noise**2 + s.initial_motion[1] ** 2
         share = min(1.0, T / s.scale_time)
         return KalmanBiasNumbers(
-            *common,
+            kalman_numbers(sheet, s, T),
             start_bias=(bias_w, bias_f),
             start_noise=(start_w, start_f),
             drift=(T * sheet.gyroscope_drift**2, T * sheet.accelerometer_drift**2),
@@ -338,7 +332,3 @@ class KalmanBias(KernelEstimator):
             Rows.empty(float, READ, READ, lanes=lanes),
             Rows.empty(float, 1, lanes=lanes),
         )
-
-
-SHARED = ("least_pose_noise", "sampling_noise", "initial_speed")
-"""Settings that both filters have."""

@@ -17,6 +17,7 @@ from fullam.numbers.kernel import both, kernel, select, some
 @kernel
 def distance(numbers, memory):
     """Squared Mahalanobis distance y^T S^-1 y of a pose, by S = L D L^T."""
+    own = numbers.kalman
     P, y, L, z = memory.covariance, memory.innovation, memory.factor, memory.column
     total = 0.0 * y[0]
     for i in range(6):
@@ -24,7 +25,7 @@ def distance(numbers, memory):
         for j in range(i + 1):
             s = P[i][j]
             if i == j:
-                s = s + (numbers.read_position if i < 3 else numbers.read_attitude)
+                s = s + (own.read_position if i < 3 else own.read_attitude)
             for m in range(j):
                 s = s - L[i][m] * L[j][m] * L[m][m]
             L[i][j] = s if i == j else s / L[j][j]

@@ -11,19 +11,31 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from fullam.checks import Checker
-from fullam.control.dc_pid_plus import DcPidPlus, DcPidPlusSettings, inform, start_beside
+from fullam.control.dc_pid_plus import (
+    Beside,
+    DcPidPlus,
+    DcPidPlusSettings,
+    Perception,
+    answered,
+    inform,
+    perceived,
+    start_beside,
+)
 from fullam.control.law import LawKernels
 from fullam.control.signals import Command, Estimate, Target
+from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import SettingsError
 from fullam.numbers.kernel import Number, both, kernel, select
-from fullam.numbers.vectors import Vector
+from fullam.numbers.vectors import Vector, axpy, dot
 
 Kernel = Callable[..., Any]
+Nominal = TypeVar("Nominal")
+Contact = TypeVar("Contact")
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,14 @@ class TareMemory(NamedTuple):
     value: Number
 
 
+class TouchingMemory(NamedTuple, Generic[Nominal, Contact]):
+    """What `PlusMemory` holds, and the contact's memory, which begins with its tare."""
+
+    nominal: Nominal
+    beside: Beside
+    contact: Contact
+
+
 def tare_numbers(settings: TouchingSettings, period: float) -> TareNumbers:
     """When to weigh and to push, in control periods [s]."""
     return TareNumbers(
@@ -108,36 +128,66 @@ def weighed(numbers, memory, along):
     return TareMemory(memory.elapsed + 1.0, select(weighing, mean, memory.value))
 
 
-@cache
-def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) -> LawKernels:
-    """A law that touches around the kernels of dc-PID; as `dc_pid_plus.around`.
+@kernel
+def touching(contact, law, delivered, numbers, chain, estimate, target, memory):
+    """dc-PID+ that, while it pushes, goes where the contact wants and cancels what it leaves.
 
     Args:
-        dc_pid: dc-PID's kernels.
-        Memory: What holds dc-PID's memory, what is beside it, and the contact's.
-        answer: Kernel that gives the command and these three; arguments as in `dc_pid_plus`.
-        untouched: Kernel that gives the contact's memory at the start.
+        contact: The kernel `contact` of a law that touches; see `Touching`.
+        law: The kernel `command` of dc-PID, a function.
+        delivered: Its kernel `delivered`.
+        numbers: dc-PID+'s and the contact's.
+        chain: The nominal vehicle with its arm in motion.
+        estimate: What is told of the platform.
+        target: Where it should be.
+        memory: `TouchingMemory`.
+
+    Returns:
+        The command, and the three parts of the memory.
     """
+    tare = numbers.contact.tare
+    seen = perceived(numbers.plus, chain, estimate, memory.beside)
+    d = seen.observer.wrench
+    along = dot(d.linear, tare.normal)
+    pushing = engaged(tare, memory.contact.tare)
+    after, aim, change = contact(numbers.contact, memory.contact, along, estimate, target)
+    held = select(pushing, axpy(change, tare.normal, d.linear), d.linear)
+    answer, nominal, beside = answered(
+        law,
+        delivered,
+        numbers.plus,
+        chain,
+        estimate,
+        select(pushing, aim, target),
+        memory,
+        Perception(seen.caution, seen.factors, seen.observer, Spatial(held, d.angular)),
+    )
+    return answer, nominal, beside, after
+
+
+@cache
+def around(dc_pid: LawKernels, contact: Kernel, untouched: Kernel) -> LawKernels:
+    """A law that touches around the kernels of dc-PID; for its own two see `Touching`."""
     start_nominal, command_nominal, delivered_nominal = dc_pid[:3]
 
     @kernel
     def start(numbers, chain, estimate):
         nominal = start_nominal(numbers.plus.nominal, chain, estimate)
         beside = start_beside(numbers.plus, chain, estimate)
-        return Memory(nominal, beside, untouched())
+        return TouchingMemory(nominal, beside, untouched())
 
     @kernel
     def command(numbers, chain, estimate, target, memory):
-        command, nominal, beside, contact = answer(
-            command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
+        command, nominal, beside, after = touching(
+            contact, command_nominal, delivered_nominal, numbers, chain, estimate, target, memory
         )
-        return command, Memory(nominal, beside, contact)
+        return command, TouchingMemory(nominal, beside, after)
 
     @kernel
     def delivered(numbers, chain, estimate, memory, delivery):
         plus = numbers.plus
         nominal, beside = inform(delivered_nominal, plus, chain, estimate, memory, delivery)
-        return Memory(nominal, beside, memory.contact)
+        return TouchingMemory(nominal, beside, memory.contact)
 
     return LawKernels(start, command, delivered)
 
@@ -145,25 +195,34 @@ def around(dc_pid: LawKernels, Memory: type, answer: Kernel, untouched: Kernel) 
 class Touching(DcPidPlus):
     """dc-PID+ that touches along one direction; subclasses say how.
 
+    They give two kernels,
+
+        contact(numbers, memory, along, estimate, target) -> memory, target, change
+        untouched() -> memory
+
+    of which `contact` is told what the observer sees along n [N], and answers with the contact's
+    memory one period on, the target while the law pushes, and by how much what is cancelled along
+    n then differs from what is seen there [N]: it is at the tare with tare - along.
+
     Attributes:
-        memories: What holds the law's memory, with "exact" compensation and "previous_wrench".
-        touching: The kernels `answer` and `untouched`; see `around`.
+        contact_memory: Record of what the law remembers of the contact.
+        contact_kernels: The kernels `contact` and `untouched`.
     """
 
     touches = True
     settings: TouchingSettings
-    memories: ClassVar[tuple[type, type]]
-    touching: ClassVar[tuple[Kernel, Kernel]]
+    contact_memory: ClassVar[type]
+    contact_kernels: ClassVar[tuple[Kernel, Kernel]]
 
     @property
-    def Memory(self) -> type:  # type: ignore[override]
+    def Memory(self) -> Any:  # type: ignore[override]
         """What the law remembers."""
-        return self.memories[self.previous]
+        return TouchingMemory[super(DcPidPlus, self).Memory, self.contact_memory]  # type: ignore[misc]
 
     @property
     def kernels(self) -> LawKernels:
         """See `KernelLaw`."""
-        return around(super(DcPidPlus, self).kernels, self.Memory, *self.touching)
+        return around(super(DcPidPlus, self).kernels, *self.contact_kernels)
 
     @property
     def tare(self) -> float:
@@ -174,8 +233,8 @@ class Touching(DcPidPlus):
         def law(numbers: Any, _: Any, estimate: Any, target: Any, memory: Any) -> Any:
             return self.nominal(numbers, chain.of_model, estimate, target, memory)
 
-        of_dc_pid, (answer, _) = super(DcPidPlus, self).kernels.delivered, self.touching
-        command, *memory = answer(
-            law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
+        of_dc_pid, (contact, _) = super(DcPidPlus, self).kernels.delivered, self.contact_kernels
+        command, *memory = touching(
+            contact, law, of_dc_pid, self._numbers, chain, estimate, target, self._memory
         )
-        return command, self.Memory(*memory)
+        return command, TouchingMemory(*memory)

@@ -41,12 +41,20 @@ def layout(kind: Any) -> Plan:
     if typing.get_origin(kind) is tuple:
         return (tuple, *map(layout, typing.get_args(kind)))
     try:
-        hints = typing.get_type_hints(kind)
+        kinds = field_kinds(kind)
     except (NameError, TypeError) as error:
         where = f"record {getattr(kind, '__qualname__', kind)}"
         remedy = "annotate its fields with numbers, tuples and records that are imported there"
         raise SettingsError(where, "annotations", f"cannot be read ({error})", remedy) from error
-    return (kind, *map(layout, hints.values()))
+    return (typing.get_origin(kind) or kind, *map(layout, kinds.values()))
+
+
+def field_kinds(kind: Any) -> dict[str, Any]:
+    """What the fields of a record hold; those of a generic one, `Memory[A, B]`, as it is told."""
+    record = typing.get_origin(kind) or kind
+    parameters = getattr(record, "__parameters__", ())
+    told = dict(zip(parameters, typing.get_args(kind), strict=False))
+    return {name: told.get(hint, hint) for name, hint in typing.get_type_hints(record).items()}
 
 
 @cache
@@ -111,7 +119,7 @@ def same_shape(one: Any, other: Any) -> bool:
 def columns(kind: Any) -> dict[str, slice]:
     """Where each field of a record stands in its row: for reading arrays by name."""
     found, start = {}, 0
-    for name, field in typing.get_type_hints(kind).items():
+    for name, field in field_kinds(kind).items():
         found[name] = slice(start, start + size(field))
         start += size(field)
     return found

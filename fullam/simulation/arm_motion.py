@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fullam.checks import Checker, Range, shown, within
+from fullam.checks import Checker, Range, within
 from fullam.exceptions import ScenarioError
 from fullam.model.joints import ArmJoints
 from fullam.simulation.arm_table import ArmTable
@@ -19,7 +19,7 @@ from fullam.simulation.excitation import ArmExcitation
 from fullam.simulation.follows_tool import FollowsTool
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.motion_rows import ArmRows
-from fullam.simulation.reference_table import name_of
+from fullam.simulation.reference_table import name_of, rows_in
 
 __all__ = [
     "KINDS",
@@ -151,16 +151,7 @@ def tabulate(motion: Any, t: Array, initial: Array, joints: ArmJoints) -> ArmTab
     where = f"arm motion '{name_of(motion)}'"
     table = motion.tabulate(t, initial)
     for field in PARTS:
-        rows = getattr(table, field, None)
-        if not isinstance(rows, np.ndarray) or rows.shape != (t.size, initial.size):
-            raise ScenarioError(
-                where,
-                field,
-                f"is {shown(getattr(rows, 'shape', rows))}",
-                f"tabulate gives an array of shape ({t.size}, {initial.size})",
-            )
-        if rows.dtype.kind not in "iuf":
-            raise ScenarioError(where, field, f"is of type {rows.dtype}", "give real numbers")
+        rows = rows_in(where, table, field, (t.size, initial.size))
         for row, column in np.argwhere(~np.isfinite(rows))[:1]:
             raise ScenarioError(
                 where,

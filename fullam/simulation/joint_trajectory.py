@@ -9,24 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.checks import Checker, from_zero, shown
+from fullam.checks import Checker, shown
 from fullam.exceptions import ScenarioError
 from fullam.model.joints import SLACK, ArmJoints
 from fullam.simulation.arm_table import ArmTable
-from fullam.simulation.curves import hermite, spline
-from fullam.simulation.given_rows import (
-    FAST,
-    LATE,
-    check_spline,
-    checked_times,
-    is_empty,
-    listed,
-    rows_of,
-    times_of,
-    tuples,
-    waypoints_of,
-)
+from fullam.simulation.given_rows import listed, tuples
 from fullam.simulation.motion_csv import PLATFORM, Columns, read_columns
+from fullam.simulation.spline_motion import GivenRows, SplineMotion
 
 Array = NDArray[np.float64]
 
@@ -37,7 +26,7 @@ FAR = 1e5
 
 
 @dataclass(frozen=True)
-class JointTrajectory:
+class JointTrajectory(SplineMotion):
     """A smooth motion of joints; before and after it the arm stands.
 
     Positions are typed as those of a scenario's start: degrees of a revolute joint, METRES of a
@@ -59,6 +48,7 @@ class JointTrajectory:
     """
 
     kind: ClassVar[str] = "joint-trajectory"
+    GIVEN = GivenRows(CHECK, "positions_deg", "velocities_deg", "waypoints_deg", FAR, each=True)
     times: tuple[float, ...]
     positions_deg: tuple[tuple[float, ...], ...]
     joints: tuple[str, ...] = ()
@@ -70,25 +60,16 @@ class JointTrajectory:
 
     def __post_init__(self) -> None:
         """Check lengths, order and numbers."""
-        self._set("times", checked_times(self.times, CHECK))
+        self._take_times()
         rows = listed("positions_deg", self.positions_deg, CHECK)
         is_nested = isinstance(rows, list | tuple) and rows and isinstance(rows[0], list | tuple)
         width = len(rows[0]) if is_nested else 1
         if not width:
             raise CHECK.refuse("positions_deg", "has no joint", "give a column for each that moves")
-        shape = len(self.times), width
-        self._set("positions_deg", tuples(rows_of("positions_deg", rows, shape, FAR, CHECK)))
-        rates: Any = ()
-        if not is_empty(self.velocities_deg):
-            rates = tuples(rows_of("velocities_deg", self.velocities_deg, shape, FAST, CHECK))
-        self._set("velocities_deg", rates)
+        self._take_rows(width)
         for name, choices in (("joints", ()), ("units", ("deg", "m"))):
             self._set(name, self._texts(name, width, choices))
-        check_spline(self.degree, self.ends, CHECK)
-        self._set("at", CHECK.number("at", self.at, from_zero(LATE, "s")))
-
-    def _set(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
+        self._take_choices()
 
     def _texts(self, name: str, width: int, choices: tuple[str, ...]) -> tuple[str, ...]:
         texts = getattr(self, name)
@@ -193,7 +174,7 @@ class JointTrajectory:
         Raises:
             ScenarioError: What is wrong, with the row.
         """
-        return cls._through(waypoints_deg, times, speed_deg, joints, 7, at)
+        return cls._through(waypoints_deg, times, speed_deg, 7, at, joints=joints)
 
     @classmethod
     def b_spline(
@@ -218,16 +199,7 @@ class JointTrajectory:
         Raises:
             ScenarioError: What is wrong, with the row.
         """
-        return cls._through(waypoints_deg, times, speed_deg, joints, degree, at)
-
-    @classmethod
-    def _through(
-        cls, waypoints: Any, times: Any, speed: Any, joints: Any, degree: Any, at: Any
-    ) -> JointTrajectory:
-        rows = np.asarray(waypoints_of("waypoints_deg", waypoints, None, FAR, CHECK))
-        check_spline(degree, "rest", CHECK)
-        times = times_of(rows, times, speed, degree, CHECK, largest=True)
-        return cls(times, tuples(rows), joints, degree=degree, ends="rest", at=at)
+        return cls._through(waypoints_deg, times, speed_deg, degree, at, joints=joints)
 
     def start(self, joints: ArmJoints) -> Array:
         """Where the arm has to stand before it, shape (n,) [rad or m]; at rest where not named."""
@@ -258,13 +230,8 @@ class JointTrajectory:
                     f"is to be at {first:g} {unit}, and the arm starts at {typed[j]:.6g} {unit}",
                     "start there (initial_arm_deg), or leave initial_arm_deg out",
                 )
-        times, rows = np.array(self.times), np.array(self.positions_deg)
-        if self.velocities_deg:
-            curve = hermite(times, rows, np.array(self.velocities_deg))
-        else:
-            curve = spline(times, rows, self.degree, self.ends, CHECK)
         parts = []
-        for order, values in enumerate(curve.at(t - self.at)):
+        for order, values in enumerate(self._curve().at(t - self.at)):
             full = np.zeros((t.size, initial.size)) + (typed if order == 0 else 0.0)
             full[:, columns] = values
             parts.append(joints.from_typed(full))

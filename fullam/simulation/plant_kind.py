@@ -72,6 +72,8 @@ class Plant(ABC):
         arm: The true motion of the joints, rows of `JointMotion`; None if it is `seen.motions`.
         carried: What is known, or learned, to hang at the tool; None if there is nothing.
         touches: The force of the world on the tool, a row a period; None where nothing is touched.
+        tool: Where the tool is in the world [m], a row a period, for flights that keep a track;
+            None where nothing is asked of it, and where the arm follows its motion exactly.
         scene: The joints of the scene around it, whose coordinates are a column of the record.
         moved: Those coordinates, a row a period; None where no joint is.
     """
@@ -81,6 +83,7 @@ class Plant(ABC):
     arm: Rows | None = None
     carried: Carried | None = None
     touches: Rows | None = None
+    tool: Rows | None = None
     scene: tuple[SceneJoint, ...] = ()
     moved: Rows | None = None
 

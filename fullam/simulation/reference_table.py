@@ -78,19 +78,8 @@ def tabulate(reference: Reference, t: Array, initial_pose: Array) -> ReferenceTa
     where = f"reference '{name_of(reference)}'"
     table = reference.tabulate(t, initial_pose)
     for field, width in WIDTHS.items():
-        rows = getattr(table, field, None)
-        if not isinstance(rows, np.ndarray) or rows.shape != (t.size, width):
-            raise ScenarioError(
-                where,
-                field,
-                f"is {shown(getattr(rows, 'shape', rows))}",
-                f"tabulate gives an array of shape ({t.size}, {width})",
-            )
-        if rows.dtype.kind not in "iuf":
-            raise ScenarioError(where, field, f"is of type {rows.dtype}", "give real numbers")
-        bad = np.argwhere(~np.isfinite(rows))
-        if bad.size:
-            row, column = bad[0]
+        rows = rows_in(where, table, field, (t.size, width))
+        for row, column in np.argwhere(~np.isfinite(rows))[:1]:
             raise ScenarioError(
                 where,
                 f"{field}[{column}] at t = {t[row]:g} s",
@@ -106,3 +95,22 @@ def tabulate(reference: Reference, t: Array, initial_pose: Array) -> ReferenceTa
             "give unit quaternions in the order x, y, z, w",
         )
     return ReferenceTable(t, *(np.asarray(getattr(table, field), float) for field in WIDTHS))
+
+
+def rows_in(where: str, table: Any, field: str, shape: tuple[int, int]) -> Array:
+    """A part of a table that somebody's class has made: numbers in an array of that shape.
+
+    Raises:
+        ScenarioError: It is something else.
+    """
+    rows = getattr(table, field, None)
+    if not isinstance(rows, np.ndarray) or rows.shape != shape:
+        raise ScenarioError(
+            where,
+            field,
+            f"is {shown(getattr(rows, 'shape', rows))}",
+            f"tabulate gives an array of shape {shape}",
+        )
+    if rows.dtype.kind not in "iuf":
+        raise ScenarioError(where, field, f"is of type {rows.dtype}", "give real numbers")
+    return rows

@@ -42,6 +42,7 @@ from fullam.simulation.servo_motion import (
     record_arm,
     servo_stage,
 )
+from fullam.simulation.tool_track import ToolView, tool_point, write_tool
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,8 @@ class ServoPlant(Plant):
         self.world = world_rows(plan.nominal, surfaces) if surfaces else None
         self._contact = no_contact if self.world is None else touch
         self.touches: Rows = self._empty(Vector, around.kept)
+        if plan.scenario.tool is not None and not around.kept:
+            self.tool = self._empty(Vector, around.tables.periods)
         payloads, period = plan.scenario.payloads, plan.simulation.control_period
         self.loads = load_rows(plan.nominal, payloads, period) if payloads else None
         known = [body for body in payloads if body.known]
@@ -141,6 +144,11 @@ class ServoPlant(Plant):
             stages["load"] = Stage(load, carried)
         if self.carried is not None:
             stages |= self._carrying(self.carried)
+        if self.tool is not None:
+            point = tool_point(self.around.tables.plan.nominal)
+            room = self._room.joints
+            held = ToolView(self.around.state, self.seen.links, self.arm, room, point, self.tool)
+            stages["record tool"] = Stage(write_tool, held)
         if self.around.kept:
             view = ArmRecordView(self.arm, self.servos, self.goals, self.seen.motions, self.entries)
             stages["record arm"] = Stage(record_arm, view)

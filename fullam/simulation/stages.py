@@ -19,12 +19,13 @@ A flight is a list of stages, called in turn in every control period:
     relieve   tell the law what of that is known by now              `fullam.control.law`
     record    write the row of the period                            here
     record arm    write its joints' part                             `servo_motion`
+    record tool   write where its tool is, for a track               `tool_track`
     load      what does its tool carry?                              `payload`
     record touch  write what the world does to its tool              `contact`
     move      fly the period                          `plant`, `servo_motion`, `mujoco_plant`
 
-Ten of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to be
-done.
+Eleven of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to
+be done.
 
 Each is a kernel f(view, k) on a view of its own, so Python, machine code and lanes fly the same.
 """
@@ -49,14 +50,14 @@ from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
     *("watch", "sense", "estimate", "foresee", "govern", "expect", "steer", "encode", "command"),
-    *("lift", "allocate", "share", "inform", "learn", "relieve", "record", "record arm", "load"),
-    *("record touch", "move"),
+    *("lift", "allocate", "share", "inform", "learn", "relieve", "record", "record arm"),
+    *("record tool", "load", "record touch", "move"),
 )
 """The stages, as a control period calls them."""
 
 OF_SERVOS = (
-    *("expect", "steer", "encode", "lift", "share", "learn", "relieve", "record arm", "load"),
-    "record touch",
+    *("expect", "steer", "encode", "lift", "share", "learn", "relieve", "record arm"),
+    *("record tool", "load", "record touch"),
 )
 """Those that a flight with prescribed joints does without."""
 

@@ -11,32 +11,22 @@ in world axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fullam.checks import Checker, from_zero
+from fullam.checks import Checker
 from fullam.dynamics import quaternions as quaternion
 from fullam.dynamics.pose_space import IDENTITY
 from fullam.exceptions import ScenarioError
-from fullam.simulation.curves import hermite, spline
-from fullam.simulation.given_rows import (
-    FAST,
-    LATE,
-    check_spline,
-    checked_times,
-    is_empty,
-    listed,
-    rows_of,
-    times_of,
-    tuples,
-    waypoints_of,
-)
+from fullam.simulation.curves import spline
+from fullam.simulation.given_rows import is_empty, listed, rows_of, tuples
 from fullam.simulation.motion_csv import PLATFORM, Columns, read_columns
 from fullam.simulation.reference_table import ReferenceTable
+from fullam.simulation.spline_motion import GivenRows, SplineMotion
 
 Array = NDArray[np.float64]
 
@@ -56,7 +46,7 @@ NOT_A_UNIT = 1e-3
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(SplineMotion):
     """A smooth motion through poses at given times; before and after it the platform stands.
 
     `from_csv`, `from_arrays`, `minimum_snap` and `b_spline` make one.
@@ -73,6 +63,7 @@ class Trajectory:
     """
 
     kind: ClassVar[str] = "trajectory"
+    GIVEN = GivenRows(CHECK, "positions", "velocities", "waypoints", FAR, width=3)
     times: tuple[float, ...]
     positions: tuple[tuple[float, ...], ...]
     quaternions: tuple[tuple[float, ...], ...] = ()
@@ -83,23 +74,14 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         """Check lengths, order and numbers; quaternions become unit ones of one sign."""
-        self._set("times", checked_times(self.times, CHECK))
-        n = len(self.times)
-        self._set("positions", tuples(rows_of("positions", self.positions, (n, 3), FAR, CHECK)))
-        velocities: Any = ()
-        if not is_empty(self.velocities):
-            velocities = tuples(rows_of("velocities", self.velocities, (n, 3), FAST, CHECK))
-        self._set("velocities", velocities)
+        self._take_times()
+        self._take_rows(3)
         attitudes: Any = ()
         if not is_empty(self.quaternions):
-            rows = rows_of("quaternions", self.quaternions, (n, 4), 2.0, CHECK)
+            rows = rows_of("quaternions", self.quaternions, (len(self.times), 4), 2.0, CHECK)
             attitudes = tuples(_unit(rows))
         self._set("quaternions", attitudes)
-        check_spline(self.degree, self.ends, CHECK)
-        self._set("at", CHECK.number("at", self.at, from_zero(LATE, "s")))
-
-    def _set(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
+        self._take_choices()
 
     @classmethod
     def from_csv(
@@ -170,7 +152,8 @@ class Trajectory:
             t: Times, shape (N,) [s].
             position: Shape (N, 3) [m].
             quaternion: Attitudes xyzw, shape (N, 4); or
-            euler_deg: x-y-z Euler angles, shape (N, 3) [deg]; neither: level.
+            euler_deg: x-y-z Euler angles at each, shape (N, 3), or all the way, shape (3,) [deg];
+                neither: level.
             velocity: Shape (N, 3) [m/s], if they are known.
             **choices: `degree`, `ends` and `at`, as the attributes.
 
@@ -179,12 +162,10 @@ class Trajectory:
         """
         if quaternion is not None and euler_deg is not None:
             raise CHECK.refuse("attitude", "is given twice", "give quaternion or euler_deg")
-        times = checked_times(listed("times", t, CHECK), CHECK)
-        if euler_deg is not None:
-            quaternion = _from_euler(euler_deg, len(times))
+        times, positions = listed("times", t, CHECK), listed("position", position, CHECK)
         rest = {"quaternions": quaternion, "velocities": velocity}
         lists = {name: listed(name, rows, CHECK) for name, rows in rest.items() if rows is not None}
-        return cls(times, listed("position", position, CHECK), **lists, **choices)
+        return cls(times, positions, **lists, **choices)._turned(euler_deg)
 
     @classmethod
     def minimum_snap(
@@ -209,7 +190,7 @@ class Trajectory:
         Raises:
             ScenarioError: What is wrong, with the row.
         """
-        return cls._through(waypoints, times, speed, euler_deg, 7, at)
+        return cls._through(waypoints, times, speed, 7, at)._turned(euler_deg)
 
     @classmethod
     def b_spline(
@@ -234,22 +215,16 @@ class Trajectory:
         Raises:
             ScenarioError: What is wrong, with the row.
         """
-        return cls._through(waypoints, times, speed, euler_deg, degree, at)
+        return cls._through(waypoints, times, speed, degree, at)._turned(euler_deg)
 
-    @classmethod
-    def _through(
-        cls, waypoints: Any, times: Any, speed: Any, euler_deg: Any, degree: Any, at: Any
-    ) -> Trajectory:
-        points = np.asarray(waypoints_of("waypoints", waypoints, 3, FAR, CHECK))
-        check_spline(degree, "rest", CHECK)
-        times = times_of(points, times, speed, degree, CHECK)
-        attitudes: Any = ()
-        if euler_deg is not None:
-            angles = listed("euler_deg", euler_deg, CHECK)
-            if isinstance(angles, list | tuple) and not any(np.ndim(a) for a in angles):
-                angles = [CHECK.vector("euler_deg", angles)] * len(points)
-            attitudes = tuples(_from_euler(angles, len(points)))
-        return cls(times, tuples(points), attitudes, degree=degree, ends="rest", at=at)
+    def _turned(self, euler_deg: ArrayLike | None) -> Trajectory:
+        """With attitudes by x-y-z Euler angles, one a time or one for all [deg]; None: level."""
+        if euler_deg is None:
+            return self
+        count, angles = len(self.times), listed("euler_deg", euler_deg, CHECK)
+        if isinstance(angles, list | tuple) and not any(np.ndim(a) for a in angles):
+            angles = [CHECK.vector("euler_deg", angles)] * count
+        return replace(self, quaternions=tuples(_from_euler(angles, count)))
 
     @property
     def final_pose(self) -> Array:
@@ -265,17 +240,13 @@ class Trajectory:
                 far apart for one curve through them.
         """
         t = t - self.at
-        times, positions = np.array(self.times), np.array(self.positions)
-        if self.velocities:
-            path = hermite(times, positions, np.array(self.velocities))
-        else:
-            path = spline(times, positions, self.degree, self.ends, CHECK)
-        p, dp, ddp = path.at(t)
+        p, dp, ddp = self._curve().at(t)
         if not self.quaternions:
             q, still = np.tile(IDENTITY[3:], (t.size, 1)), np.zeros((t.size, 3))
             w = dw = still
         else:
-            turn = spline(times, np.array(self.quaternions), self.degree, self.ends, CHECK)
+            times, rows = np.array(self.times), np.array(self.quaternions)
+            turn = spline(times, rows, self.degree, self.ends, CHECK)
             q, w, dw = _attitude(*turn.at(t))
         return ReferenceTable(
             t + self.at, np.hstack([p, q]), np.hstack([dp, w]), np.hstack([ddp, dw])

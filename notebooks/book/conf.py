@@ -52,7 +52,8 @@ add_module_names = False
 nitpick_ignore_regex = [  # type variables and private bases, of which autodoc makes no entry
     (
         "py:.*",
-        r"fullam\..*\.(Item|Result|Rest|T|Thing|Function|Array|EstimatorType|ControllerType|_\w+)",
+        r"fullam\..*\.(Item|Result|Rest|T|Thing|Function|Array|EstimatorType|ControllerType|Nominal"
+        r"|Contact|_\w+)",
     )
 ]
 python_maximum_signature_line_length = 88

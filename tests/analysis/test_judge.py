@@ -304,7 +304,8 @@ def test_python_and_machine_code_give_the_same_bits(condition, vehicle):
     for lane in (0, 2, 5, 6):
         alone = Rows(Flown, track.array[..., lane].copy())
         for compiled in (True, False):
-            figures = TrackJudge(judge, alone, compiled).figures([rows[lane]], [diverged[lane]])
+            one = TrackJudge(judge, alone, compiled=compiled)
+            figures = one.figures([rows[lane]], [diverged[lane]])
             assert np.array_equal(figures.numbers[0], lanes[lane], equal_nan=True), (lane, compiled)
 
 

@@ -3,13 +3,19 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from random_measurements import (
+    VEHICLES,
+    assert_produces_what_it_commands,
+    random_measurement,
+    random_reference,
+)
 
 import fullam
 from fullam.control.backstepping import BacksteppingSettings, attitude_derivative
 from fullam.control.controller import Measurement, ReferencePoint
 from fullam.control.controllers import make_controller
 from fullam.control.law import motions_of
-from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
+from fullam.dynamics.multibody import rotation_of
 from fullam.dynamics.recursion import composite_body, inertial_wrench
 from fullam.dynamics.so3 import SMALL
 from fullam.dynamics.spatial import Spatial
@@ -20,42 +26,18 @@ from fullam.numbers.records import flat, record
 TOLERANCE = 1e-9
 """Rounding through one 6 x 6 solve; light bodies amplify it."""
 
-VEHICLES = ["fullam", "hextilt", "borinot", "quadrotor_arm"]
-
-
-def random_measurement(vehicle, rng):
-    m = Measurement(vehicle)
-    m.q[:] = pin.integrate(vehicle.model, m.q, rng.normal(size=vehicle.model.nv))
-    m.v[:6] = rng.normal(size=6)
-    return m
-
-
-def random_reference(rng):
-    ref = ReferencePoint()
-    quaternion = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
-    ref.pose = np.concatenate([rng.normal(size=3), quaternion])
-    ref.velocity, ref.acceleration = rng.normal(size=(2, 6))
-    return ref
-
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_with_the_arm_still_the_model_is_exact(name, rng):
     vehicle = load_vehicle(name)
-    controller, body = make_controller("backstepping", vehicle), Multibody(vehicle)
-    for _ in range(20):
-        m, ref = random_measurement(vehicle, rng), random_reference(rng)
-        controller.reset(m, ref)
-        u = controller.wrench(0.0, m, ref)
-        wrench_A = (u.reshape(2, 3) @ rotation_of(m.q)).ravel()
-        a = body.base_acceleration(m.q, m.v, m.arm_acceleration, wrench_A)
-        expected = body_acceleration(m.q, m.v, controller.u_pid)
-        np.testing.assert_allclose(a, expected, atol=TOLERANCE, rtol=TOLERANCE)
+    law = make_controller("backstepping", vehicle)
+    assert_produces_what_it_commands(law, vehicle, rng, TOLERANCE, arm_moves=False)
 
 
 def test_the_arm_counts_by_its_shape_and_not_by_its_motion(rng):
     vehicle = load_vehicle("fullam")
     controller = make_controller("backstepping", vehicle)
-    m, ref = random_measurement(vehicle, rng), random_reference(rng)
+    m, ref = random_measurement(vehicle, rng, arm_moves=False), random_reference(rng)
     controller.reset(m, ref)
     still = controller.wrench(0.0, m, ref).copy()
     controller.reset(m, ref)
@@ -103,7 +85,7 @@ def test_the_lyapunov_function_falls_at_the_derived_rate(rng):
     controller = make_controller("backstepping", vehicle)
     s = controller.settings
     for _ in range(30):
-        m, ref = random_measurement(vehicle, rng), random_reference(rng)
+        m, ref = random_measurement(vehicle, rng, arm_moves=False), random_reference(rng)
         controller.reset(m, ref)
         integrals = rng.normal(size=(2, 3)) * 0.3
         of_L = integrals * [[s.position_gains[2]], [s.attitude_gains[2]]]
@@ -205,7 +187,11 @@ def test_what_is_drained_is_the_undelivered_acceleration_of_the_composite_body(r
     """By Pinocchio's composite inertia, each axis at the rate anti_windup / C2, none past zero."""
     vehicle = load_vehicle("fullam")
     controller = make_controller("backstepping", vehicle)
-    s, m, ref = controller.settings, random_measurement(vehicle, rng), random_reference(rng)
+    s, m, ref = (
+        controller.settings,
+        random_measurement(vehicle, rng, arm_moves=False),
+        random_reference(rng),
+    )
     controller.reset(m, ref)
     u = controller.wrench(0.0, m, ref).copy()
     got = u + 0.3 * rng.normal(size=6)

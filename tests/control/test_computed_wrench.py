@@ -1,48 +1,28 @@
 """Computed wrench: inverse dynamics, held to the forward dynamics and to dc-PID."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from random_measurements import (
+    VEHICLES,
+    assert_produces_what_it_commands,
+    random_measurement,
+    random_reference,
+)
 
-from fullam.control.controller import Measurement, ReferencePoint
+from fullam.control.controller import ReferencePoint
 from fullam.control.controllers import make_controller
-from fullam.dynamics.multibody import Multibody, body_acceleration, rotation_of
+from fullam.dynamics.multibody import rotation_of
 from fullam.model.loading import load_vehicle
 
 TOLERANCE = 1e-9
 """Rounding through one RNEA and one 6 x 6 solve; light bodies amplify it."""
 
-VEHICLES = ["fullam", "hextilt", "borinot", "quadrotor_arm"]
-
-
-def random_measurement(vehicle, rng):
-    m = Measurement(vehicle)
-    m.q[:] = pin.integrate(vehicle.model, m.q, rng.normal(size=vehicle.model.nv))
-    m.v[:] = rng.normal(size=vehicle.model.nv)
-    m.arm_acceleration = rng.normal(size=vehicle.n_arm)
-    return m
-
-
-def random_reference(rng):
-    ref = ReferencePoint()
-    quaternion = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
-    ref.pose = np.concatenate([rng.normal(size=3), quaternion])
-    ref.velocity, ref.acceleration = rng.normal(size=(2, 6))
-    return ref
-
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_produces_the_commanded_acceleration(name, rng):
     vehicle = load_vehicle(name)
-    controller, body = make_controller("computed-wrench", vehicle), Multibody(vehicle)
-    for _ in range(20):
-        m, ref = random_measurement(vehicle, rng), random_reference(rng)
-        controller.reset(m, ref)
-        u = controller.wrench(0.0, m, ref)
-        wrench_A = (u.reshape(2, 3) @ rotation_of(m.q)).ravel()
-        a = body.base_acceleration(m.q, m.v, m.arm_acceleration, wrench_A)
-        expected = body_acceleration(m.q, m.v, controller.u_pid)
-        np.testing.assert_allclose(a, expected, atol=TOLERANCE, rtol=TOLERANCE)
+    law = make_controller("computed-wrench", vehicle)
+    assert_produces_what_it_commands(law, vehicle, rng, TOLERANCE)
 
 
 @pytest.mark.parametrize("name", VEHICLES)

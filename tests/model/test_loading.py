@@ -156,17 +156,21 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_in_the_toml_is_named(tmp_path, mistake):
-    (old, new), field, problem = MISTAKES[mistake]
-    assert old in TOML
-    path = write(tmp_path, TOML.replace(old, new))
+def assert_named(path, field, problem):
+    """The error names the file, the field and the problem, and says what would be right."""
     with pytest.raises(VehicleError) as caught:
         load_vehicle(path)
     assert str(path) in caught.value.where
     assert caught.value.field == field
     assert problem in caught.value.problem
     assert caught.value.remedy
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_the_toml_is_named(tmp_path, mistake):
+    (old, new), field, problem = MISTAKES[mistake]
+    assert old in TOML
+    assert_named(write(tmp_path, TOML.replace(old, new)), field, problem)
 
 
 URDF_MISTAKES = {
@@ -189,13 +193,7 @@ URDF_MISTAKES = {
 def test_a_mistake_in_the_urdf_is_named(tmp_path, mistake):
     (old, new), field, problem = URDF_MISTAKES[mistake]
     assert old in URDF
-    path = write(tmp_path, urdf=URDF.replace(old, new))
-    with pytest.raises(VehicleError) as caught:
-        load_vehicle(path)
-    assert str(path) in caught.value.where
-    assert caught.value.field == field
-    assert problem in caught.value.problem
-    assert caught.value.remedy
+    assert_named(write(tmp_path, urdf=URDF.replace(old, new)), field, problem)
 
 
 def without_inertial(link: str) -> str:

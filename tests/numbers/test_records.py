@@ -1,10 +1,11 @@
 """Records in arrays: layouts, names, alignment, and what does not fit."""
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import pytest
 
+from fullam.exceptions import SettingsError
 from fullam.numbers.kernel import Number
 from fullam.numbers.records import (
     ALIGNMENT,
@@ -29,6 +30,15 @@ class Outer(NamedTuple):
     first: Inner
     pair: tuple[Number, Number]
     last: Number
+
+
+First = TypeVar("First")
+Rest = TypeVar("Rest")
+
+
+class Pair(NamedTuple, Generic[First, Rest]):
+    first: First
+    rest: Rest
 
 
 class View(NamedTuple):
@@ -131,3 +141,13 @@ def test_lanes_are_copied_to_where_they_are_aligned_and_scalars_are_not():
 def test_a_view_tells_its_rows_in_order():
     rows = [Rows.empty(float, n) for n in (1, 2, 3)]
     assert [*rows_of(View(rows[0], Others(rows[1], rows[2])))] == rows
+
+
+def test_a_generic_record_holds_what_it_is_told():
+    assert size(Pair[Vector, float]) == 4 and size(Pair[float, Inner]) == 5
+    assert columns(Pair[Vector, float]) == {"first": slice(0, 3), "rest": slice(3, 4)}
+    rows = Rows(Pair[float, Inner], np.arange(10.0).reshape(2, 5))
+    assert rows.to_list()[1] == Pair(5.0, Inner((6.0, 7.0, 8.0), 9.0))
+    assert type(rows.to_list()[1]) is Pair
+    with pytest.raises(SettingsError, match="annotations"):
+        size(Pair)

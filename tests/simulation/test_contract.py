@@ -9,28 +9,25 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
+from altered_vehicles import with_joint, without_arm
+from same_flights import assert_same_bits, fly_interpreted, fly_scalar
 
 import fullam
 from fullam.control.controllers import controller_names
 from fullam.control.estimators import estimator_names
 from fullam.dynamics.integrators import INTEGRATORS
 from fullam.model.loading import load_vehicle, vehicle_names
-from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
-from fullam.numbers.program import program
 from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.block import Block
-from fullam.simulation.fused import Fused, run_of
 from fullam.simulation.many import fly_many
 from fullam.simulation.plant_settings import IN_KERNELS
 from fullam.simulation.plants import PLANTS
 from fullam.simulation.scenario import AXES
 from fullam.simulation.simulate import fly_by_python, prepare
-from fullam.simulation.tables import Tables
 
 PERIODS, MANY_PERIODS = 100, 1000
 """Control periods of each flight, and of those that are flown long."""
@@ -43,24 +40,6 @@ ROUNDING = 1e-9
 fed back through the loop; saturated flights have a null space of 1e-8 in the allocation."""
 
 SEEDS = range(3, 11)
-
-
-def without_arm():
-    """The default platform with its arm held: one body."""
-    vehicle = load_vehicle("fullam")
-    definition = {k: v for k, v in vehicle.definition.items() if k not in ("arm", "design")}
-    held = dict.fromkeys(vehicle.arm_joints, 0.2)
-    return Vehicle.from_definition(definition | {"name": "no arm", "held": held}, vehicle.urdf)
-
-
-def sliding():
-    """The default vehicle with a second joint that slides."""
-    vehicle = load_vehicle("fullam")
-    start = vehicle.urdf.index('<joint name="joint_2"')
-    end = vehicle.urdf.index("</joint>", start)
-    joint = vehicle.urdf[start:end].replace('type="revolute"', 'type="prismatic"')
-    urdf = vehicle.urdf[:start] + joint + vehicle.urdf[end:]
-    return Vehicle.from_definition(vehicle.definition | {"name": "sliding"}, urdf)
 
 
 def rotors(number):
@@ -83,7 +62,7 @@ def one_rotor_more():
 
 MADE = {
     "no arm": without_arm,
-    "sliding": sliding,
+    "sliding": partial(with_joint, "joint_2", "prismatic", name="sliding"),
     "4 rotors": rotors(4),
     "31 rotors": one_rotor_more,
 }
@@ -173,34 +152,6 @@ def covering():
 
 
 CASES = covering()
-
-
-def fly_interpreted(plan):
-    """The fused driver's kernels, called by plain Python."""
-    block = Block(Tables(plan))
-    block.load(plan)
-    block.begin()
-    stages, last = block.stages(), block.tables.periods - 1
-    program(list(stages.values()), compiled=False).run(0, last)
-    del stages["move"]
-    program(list(stages.values()), compiled=False).run(last, last + 1)
-    return run_of(block, plan)
-
-
-def fly_scalar(plan, seeds):
-    fused = Fused(Tables(plan))
-    for seed in seeds:
-        own = plan.with_seed(seed)
-        fused.block.load(own)
-        fused.fly()
-        yield run_of(fused.block, own)
-
-
-def assert_same_bits(a, b):
-    assert a.columns.keys() == b.columns.keys()
-    for name in a.columns:
-        np.testing.assert_array_equal(a.columns[name], b.columns[name], err_msg=name)
-    assert a.metadata == b.metadata
 
 
 def assert_close(a, b):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from same_flights import assert_same_bits
 
 import fullam
 from fullam.control.controllers import CONTROLLERS, LAWS
@@ -47,11 +48,6 @@ def assert_same_flight(python, machine):
         a, b = 1.0 * python.columns[name], 1.0 * machine.columns[name]
         scale = max(1.0, np.abs(a).max(initial=0.0))
         np.testing.assert_allclose(b, a, rtol=0, atol=ROUNDING * scale, err_msg=name)
-
-
-def assert_same_bits(a, b):
-    for name in COLUMNS:
-        np.testing.assert_array_equal(a.columns[name], b.columns[name], err_msg=name)
 
 
 def for_seconds(name, duration):

@@ -2,31 +2,20 @@
 
 import numpy as np
 import pytest
+from altered_vehicles import with_joint
 
 import fullam
 from fullam.exceptions import ScenarioError
-from fullam.model.vehicle import Vehicle
 from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.run import Run
 
-
-def with_tip(kind, limits='lower="-0.15" upper="0.15"'):
-    """The default vehicle with another kind of joint 4."""
-    vehicle = fullam.load_vehicle("fullam")
-    start = vehicle.urdf.index('<joint name="joint_4"')
-    end = vehicle.urdf.index("</joint>", start)
-    joint = vehicle.urdf[start:end].replace('type="revolute"', f'type="{kind}"')
-    before, after = joint.split("<limit", 1)
-    joint = f'{before}<limit effort="1.5" velocity="1" {limits}{after[after.index("/>") :]}'
-    return Vehicle.from_definition(
-        vehicle.definition, vehicle.urdf[:start] + joint + vehicle.urdf[end:]
-    )
+LIMITS = 'lower="-0.15" upper="0.15"'
 
 
 @pytest.fixture(scope="module")
 def sliding():
-    return with_tip("prismatic")
+    return with_joint("joint_4", "prismatic", LIMITS)
 
 
 HOLD = HoldArm()
@@ -52,7 +41,7 @@ def test_a_prismatic_joint_starts_and_moves_in_metres(sliding, tmp_path):
 
 
 def test_a_continuous_joint_may_turn_over_and_over():
-    vehicle = with_tip("continuous")
+    vehicle = with_joint("joint_4", "continuous", LIMITS)
     motion = SineRate(joint=4, rate=1.0, frequency=0.5)
     run = fullam.simulate(scenario(motion, (0.0, 0.0, 0.0, 700.0)), vehicle=vehicle, calm=True)
     assert run.outcome == "completed"
@@ -117,7 +106,7 @@ def test_a_motion_of_joints_that_cannot_be_is_refused(sliding, motion, arm, word
 
 
 def test_without_positions_the_arm_is_at_rest_within_its_limits():
-    vehicle = with_tip("prismatic", 'lower="0.02" upper="0.3"')
+    vehicle = with_joint("joint_4", "prismatic", 'lower="0.02" upper="0.3"')
     run = fullam.simulate(scenario(arm=()), vehicle=vehicle, calm=True)
     assert run.arm[0].tolist() == [0.0, 0.0, 0.0, 0.02]
 
@@ -128,7 +117,10 @@ def test_without_positions_the_arm_is_at_rest_within_its_limits():
 )
 def test_both_drivers_fly_the_same_flight(kind, arm, rate):
     """The Python driver on Pinocchio, the fused one on the recursion; 1e-12 m, of order 1 N."""
-    vehicle, motion = with_tip(kind), SineRate(joint=4, rate=rate, frequency=np.pi)
+    vehicle, motion = (
+        with_joint("joint_4", kind, LIMITS),
+        SineRate(joint=4, rate=rate, frequency=np.pi),
+    )
     by_python, fused = (
         fullam.simulate(scenario(motion, arm), vehicle=vehicle, calm=True, driver=driver)
         for driver in ("python", "fused")

@@ -9,13 +9,13 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from same_flights import assert_same_bits
 
 import fullam
 from fullam.exceptions import NonFiniteWrench, ScenarioError, SettingsError
 from fullam.simulation import fused
 from fullam.simulation.fused import Fused, run_of
 from fullam.simulation.many import fly_blocks, fly_many
-from fullam.simulation.run import COLUMNS
 from fullam.simulation.simulate import fly_by_python, prepare
 from fullam.simulation.tables import Tables
 
@@ -32,12 +32,6 @@ def singles(plan):
     runs = [fused.fly(plan.with_seed(seed)) for seed in range(12)]
     assert any(run.saturated.any() for run in runs)
     return runs
-
-
-def assert_same_bits(a, b):
-    for name in COLUMNS:
-        np.testing.assert_array_equal(a.columns[name], b.columns[name], err_msg=name)
-    assert a.metadata == b.metadata
 
 
 @pytest.mark.parametrize(("lanes", "threads"), [(8, 1), (8, 2), (1, 3), (8, None)])

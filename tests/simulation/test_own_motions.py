@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from altered_vehicles import without_arm
 
 import fullam
 from fullam.analysis.campaign import Campaign
 from fullam.analysis.foresight import reach_warning
 from fullam.checks import Checker
 from fullam.exceptions import ScenarioError
-from fullam.model.vehicle import Vehicle
 from fullam.simulation import motion_rows
 from fullam.simulation.arm_motion import ArmTable
 from fullam.simulation.many import fly_many
@@ -221,12 +221,8 @@ def test_packed_rows_are_checked():
 
 
 def test_an_arm_without_joints_moves_as_it_may():
-    vehicle = fullam.load_vehicle("fullam")
-    definition = {k: v for k, v in vehicle.definition.items() if k not in ("arm", "design")}
-    held = {"name": "no arm", "held": dict.fromkeys(vehicle.arm_joints, 0.2)}
-    bare = Vehicle.from_definition(definition | held, vehicle.urdf)
     scenario = fullam.Scenario("bare", reference=Eight(), arm_motion=Wave(), duration=0.1)
-    run = fullam.simulate(scenario, vehicle=bare, calm=True)
+    run = fullam.simulate(scenario, vehicle=without_arm(), calm=True)
     assert run.arm.shape == (11, 0)
     np.testing.assert_array_equal(fullam.refly(run).pose, run.pose)
 

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 import pytest
+from altered_vehicles import with_joint
 
 import fullam
 from fullam.analysis.metrics import measure
@@ -33,16 +34,11 @@ from fullam.viz.viewer.scene import VehicleScene
 DOWN, STRETCHED = (-90.0, 0.0, 0.0, 0.0), (0.0, 0.0, -90.0, 0.0)
 
 
-def sliding():
-    vehicle = load_vehicle("fullam")
-    start = vehicle.urdf.index('<joint name="joint_2"')
-    end = vehicle.urdf.index("</joint>", start)
-    joint = vehicle.urdf[start:end].replace('type="revolute"', 'type="prismatic"')
-    urdf = vehicle.urdf[:start] + joint + vehicle.urdf[end:]
-    return Vehicle.from_definition(vehicle.definition | {"name": "sliding"}, urdf)
-
-
-VEHICLES = {"fullam": load_vehicle("fullam"), "hextilt": load_vehicle("hextilt"), "P": sliding()}
+VEHICLES = {
+    "fullam": load_vehicle("fullam"),
+    "hextilt": load_vehicle("hextilt"),
+    "P": with_joint("joint_2", "prismatic", name="sliding"),
+}
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from same_flights import assert_same_bits, fly_interpreted, fly_scalar
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -18,9 +19,8 @@ from fullam.numbers.records import record
 from fullam.simulation.block import Block
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import datasheet
-from fullam.simulation.fused import Fused, run_of
 from fullam.simulation.many import fly_many
-from fullam.simulation.run import COLUMNS, Run
+from fullam.simulation.run import Run
 from fullam.simulation.sensor_errors import EXACT, MPU6050, SensorErrors
 from fullam.simulation.simulate import prepare
 from fullam.simulation.tables import Tables
@@ -210,12 +210,6 @@ def test_in_a_gap_the_last_pose_stays_and_is_told_to_be_old():
 # How it is flown.
 
 
-def assert_same_bits(a, b):
-    for name in COLUMNS:
-        np.testing.assert_array_equal(a.columns[name], b.columns[name], err_msg=name)
-    assert a.metadata == b.metadata
-
-
 SIMULATIONS = [{}, {"delay": 0.03, "pose_period": 0.02}]
 
 
@@ -235,20 +229,9 @@ def test_the_same_bits_whoever_flies(simulation, estimator):
         simulation={"estimator": estimator, **simulation},
     )  # fmt: skip
     lanes = list(fly_many(plan, range(8), threads=1))
-    fused = Fused(Tables(plan))
-    for seed in range(8):
-        own = plan.with_seed(seed)
-        fused.block.load(own)
-        fused.fly()
-        assert_same_bits(lanes[seed], run_of(fused.block, own))
-    block = Block(Tables(plan))
-    block.load(plan)
-    block.begin()
-    stages, last = block.stages(), block.tables.periods - 1
-    program(list(stages.values()), compiled=False).run(0, last)
-    del stages["move"]
-    program(list(stages.values()), compiled=False).run(last, last + 1)
-    assert_same_bits(run_of(block, plan), lanes[4])
+    for lane, alone in zip(lanes, fly_scalar(plan, range(8)), strict=True):
+        assert_same_bits(lane, alone)
+    assert_same_bits(fly_interpreted(plan), lanes[4])
 
 
 @pytest.mark.parametrize("driver", ["python", "fused"])

@@ -129,6 +129,14 @@ def test_dense_arrays_give_the_motion_they_were_taken_from():
     np.testing.assert_allclose(table.velocity[:, 1], -2 * np.sin(2 * t), atol=2e-3)
 
 
+def test_one_attitude_holds_all_the_way():
+    ways = (Trajectory.from_arrays, Trajectory.minimum_snap)
+    times = ({"t": TIMES, "position": POINTS}, {"times": TIMES, "waypoints": POINTS})
+    for make, given in zip(ways, times, strict=True):
+        one, each = make(**given, euler_deg=[5.0, 0.0, 9.0]), [[5.0, 0.0, 9.0]] * len(TIMES)
+        assert one == make(**given, euler_deg=each)
+
+
 def test_a_turn_about_one_axis_stays_about_it():
     """Half a round in two waypoints, and one and a half in seven; gamma does not turn back."""
     for angles in (np.linspace(0, 170, 2), np.linspace(0, 540, 7)):

@@ -29,21 +29,6 @@ def run():
     return fullam.simulate(fullam.Scenario.from_dict(data), "dc-pid", seed=1)
 
 
-@pytest.fixture(scope="module")
-def opened():
-    with Browser(*SIZE, network=False) as browser:
-        yield browser
-
-
-@pytest.fixture
-def chromium(opened):
-    """The browser; a test during which a page complains of anything has failed."""
-    yield opened
-    opened.evaluate("1")  # what happened before has been told by now
-    complaints, opened.complaints = opened.complaints, []
-    assert complaints == []
-
-
 def trail_points(chromium, vehicle=1):
     """Points of a trail that are drawn: each but the first brings ten triangles."""
     node = f"fullam.viewer.scene_tree.find(['vehicle_{vehicle}', 'trail']).object.children[0]"

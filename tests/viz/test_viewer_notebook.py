@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from altered_vehicles import with_joint
 
 import fullam
 from fullam.exceptions import FullamError, InvalidInput, MissingDependency
@@ -249,13 +250,7 @@ def test_without_ipywidgets_the_message_names_the_extra(monkeypatch):
 
 
 def test_a_prismatic_joint_has_a_slider_in_metres():
-    vehicle = fullam.load_vehicle("fullam")
-    start = vehicle.urdf.index('<joint name="joint_4" type="revolute"')
-    end = vehicle.urdf.index("</joint>", start)
-    joint = vehicle.urdf[start:end].replace("revolute", "prismatic")
-    joint = joint.replace("2.617993877991", "0.15")
-    urdf = vehicle.urdf[:start] + joint + vehicle.urdf[end:]
-    sliding = type(vehicle).from_definition(vehicle.definition, urdf)
+    sliding = with_joint("joint_4", "prismatic", 'lower="-0.15" upper="0.15"')
     explorer = fullam.explore(sliding)
     try:
         slider = explorer.sliders["joint_4"]

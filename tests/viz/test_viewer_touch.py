@@ -20,7 +20,6 @@ from fullam.simulation.tool_task import ToolTask
 from fullam.simulation.weather import CALM
 from fullam.simulation.world import Box, Plane, Sphere
 from fullam.viz.viewer import scenery as scenery_module
-from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.export import write_html
 from fullam.viz.viewer.live import LiveFlight
 from fullam.viz.viewer.replay import film
@@ -51,21 +50,6 @@ TOUCHING = Scenario(
 @pytest.fixture(scope="module")
 def run():
     return simulate(TOUCHING, "dc-pid-plus", driver="python")
-
-
-@pytest.fixture(scope="module")
-def opened():
-    with Browser(480, 300, network=False) as browser:
-        yield browser
-
-
-@pytest.fixture
-def chromium(opened):
-    """The browser; a test during which a page complains of anything has failed."""
-    yield opened
-    opened.evaluate("1")  # what happened before has been told by now
-    complaints, opened.complaints = opened.complaints, []
-    assert complaints == []
 
 
 def columns(movie, name):

@@ -2,6 +2,8 @@
 
 A view of a flight is a whole page, of some megabytes, in a frame; in the book it becomes a file of
 its own, which a still (the one that the committed notebook keeps) stands for until it is clicked.
+What cells say on stderr stays out: once on each machine, that machine code is compiled. A test
+refuses whatever else they say there.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ FRAME = re.compile(r'<iframe srcdoc="([^"]*)" style="([^"]*)"[^>]*></iframe>')
 
 
 def as_page(executed: Any, committed: Path, views: Path, root: str) -> Any:
-    """The notebook with its views moved out.
+    """The notebook with its views moved out, and without stderr.
 
     Args:
         executed: The notebook with fresh outputs; it is changed.
@@ -29,6 +31,8 @@ def as_page(executed: Any, committed: Path, views: Path, root: str) -> Any:
     cells = nbformat.read(committed, as_version=4).cells
     stills = {cell["id"]: picture for cell in cells if (picture := still(cell))}
     for cell in executed.cells:
+        if "outputs" in cell:
+            cell["outputs"] = [o for o in cell["outputs"] if o.get("name") != "stderr"]
         for output in cell.get("outputs", ()):
             data = output.get("data", {})
             if data.pop(WIDGET, None) and cell["id"] in stills:  # sliders need a kernel
