@@ -7,6 +7,7 @@ import io
 import json
 import re
 import shutil
+import sys
 import time
 import warnings
 
@@ -140,6 +141,10 @@ def attack_command(case: list[str]) -> None:
         json.loads(out)
 
 
+def _file(module: object) -> str:
+    return str(getattr(module, "__file__", ""))
+
+
 def run(case: list[str]) -> tuple[int, str, str, float]:
     """Exit code, output and complaints of a command, and how long it took the processor [s]."""
     out, err, start = io.StringIO(), io.StringIO(), time.process_time()
@@ -154,5 +159,8 @@ def run(case: list[str]) -> tuple[int, str, str, float]:
             code = main(case)
         finally:
             while LOADED:
-                withdraw(LOADED.popitem()[1])
+                source, plugin = LOADED.popitem()
+                withdraw(plugin)
+                for name in [n for n, m in sys.modules.items() if _file(m) == source]:
+                    del sys.modules[name]
     return code, out.getvalue(), err.getvalue(), time.process_time() - start
