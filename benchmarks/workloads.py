@@ -20,19 +20,19 @@ from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.simulation import fused
-from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.fused import Fused
-from fullam.simulation.interaction import AHEAD_DEG, HOME, YAW_DEG
 from fullam.simulation.many import LANES
-from fullam.simulation.references import Circle, Step, Waypoints
-from fullam.simulation.scenario import AXES, Scenario
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.references import Circle, Step, Waypoints
+from fullam.simulation.scenarios.interaction import AHEAD_DEG, HOME, YAW_DEG
+from fullam.simulation.scenarios.scenario import AXES, Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import CALM, PAPER, Weather
-from fullam.simulation.world import Plane
+from fullam.simulation.world.surfaces import Plane
 
 VEHICLES = ("fullam", "hextilt")
 """Eight rotors and four joints; six rotors and five joints."""

@@ -43,25 +43,25 @@ if TYPE_CHECKING:
     from fullam.model.rotors import Rotors
     from fullam.model.vehicle import Vehicle
     from fullam.plugins import load_plugin
-    from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
-    from fullam.simulation.arm_table import ArmTable
     from fullam.simulation.many import fly_many
-    from fullam.simulation.reference_table import ReferenceTable
-    from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
-    from fullam.simulation.refly import refly
-    from fullam.simulation.run import Run
-    from fullam.simulation.scenario import (
+    from fullam.simulation.motions.arm_motion import HoldArm, JointTrajectory, SineRate
+    from fullam.simulation.motions.arm_table import ArmTable
+    from fullam.simulation.motions.reference_table import ReferenceTable
+    from fullam.simulation.motions.references import Circle, Step, Trajectory, Waypoints
+    from fullam.simulation.motions.shaping import Shaping
+    from fullam.simulation.record.refly import refly
+    from fullam.simulation.record.run import Run
+    from fullam.simulation.scenarios.scenario import (
         Scenario,
         load_scenario,
         register_scenario,
         scenario_names,
     )
     from fullam.simulation.settings import SimulationSettings
-    from fullam.simulation.shaping import Shaping
     from fullam.simulation.simulate import prepare, simulate
-    from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
-    from fullam.simulation.tool_task import ToolTask
-    from fullam.simulation.tool_weights import ToolWeights
+    from fullam.simulation.tool.paths import CirclePath, LinePath, SquarePath
+    from fullam.simulation.tool.task import ToolTask
+    from fullam.simulation.tool.weights import ToolWeights
     from fullam.simulation.weather import Weather, weather
     from fullam.viz.viewer.studio import fly
     from fullam.viz.viewer.view import view
@@ -89,22 +89,22 @@ LATER = {
     "fullam.model.rotors": ("Rotors",),
     "fullam.model.vehicle": ("Vehicle",),
     "fullam.plugins": ("load_plugin",),
-    "fullam.simulation.arm_motion": ("HoldArm", "JointTrajectory", "SineRate"),
-    "fullam.simulation.arm_table": ("ArmTable",),
+    "fullam.simulation.motions.arm_motion": ("HoldArm", "JointTrajectory", "SineRate"),
+    "fullam.simulation.motions.arm_table": ("ArmTable",),
     "fullam.simulation.many": ("fly_many",),
-    "fullam.simulation.reference_table": ("ReferenceTable",),
-    "fullam.simulation.references": ("Circle", "Step", "Trajectory", "Waypoints"),
-    "fullam.simulation.refly": ("refly",),
-    "fullam.simulation.run": ("Run",),
-    "fullam.simulation.scenario": (
+    "fullam.simulation.motions.reference_table": ("ReferenceTable",),
+    "fullam.simulation.motions.references": ("Circle", "Step", "Trajectory", "Waypoints"),
+    "fullam.simulation.record.refly": ("refly",),
+    "fullam.simulation.record.run": ("Run",),
+    "fullam.simulation.scenarios.scenario": (
         *("Scenario", "load_scenario", "register_scenario", "scenario_names"),
     ),
     "fullam.simulation.settings": ("SimulationSettings",),
-    "fullam.simulation.shaping": ("Shaping",),
+    "fullam.simulation.motions.shaping": ("Shaping",),
     "fullam.simulation.simulate": ("prepare", "simulate"),
-    "fullam.simulation.tool_paths": ("CirclePath", "LinePath", "SquarePath"),
-    "fullam.simulation.tool_task": ("ToolTask",),
-    "fullam.simulation.tool_weights": ("ToolWeights",),
+    "fullam.simulation.tool.paths": ("CirclePath", "LinePath", "SquarePath"),
+    "fullam.simulation.tool.task": ("ToolTask",),
+    "fullam.simulation.tool.weights": ("ToolWeights",),
     "fullam.simulation.weather": ("Weather", "weather"),
     "fullam.viz.viewer.studio": ("fly",),
     "fullam.viz.viewer.view": ("view",),

@@ -311,7 +311,7 @@ ROWS: tuple[Row, ...] = (
         "[F; tau] = [k_f e^F; M_tau] Omega",
         (
             "fullam.model.rotors.coupling_matrix",
-            "fullam.simulation.plant.rotor_wrench",
+            "fullam.simulation.plants.plant.rotor_wrench",
         ),
         ("tests/model/test_rotor_equations.py::test_coupling_matrix_34_stacks_29_and_33",),
     ),

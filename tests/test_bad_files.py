@@ -18,8 +18,8 @@ from fullam.analysis.agreement import AgreementRow, AgreementTable
 from fullam.cli import main
 from fullam.exceptions import FullamError, InvalidInput, RunFileError, VehicleError
 from fullam.model.loading import load_vehicle
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 
 URDF = """<robot name="mini">
   <link name="base">

@@ -20,8 +20,9 @@ from fullam.exceptions import FullamError
 from fullam.model import definition_keys as keys
 from fullam.model.composition import compose
 from fullam.model.loading import read_urdf
-from fullam.simulation import arm_motion, references, world
-from fullam.simulation.references import from_dict
+from fullam.simulation.motions import arm_motion, references
+from fullam.simulation.motions.references import from_dict
+from fullam.simulation.world.surfaces import surfaces as world
 from fullam.viz.viewer.browser import Browser, chromium_path
 
 ROOT = Path(__file__).parents[1]

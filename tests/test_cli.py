@@ -15,8 +15,8 @@ from fullam.cli import output
 from fullam.cli.options import setting
 from fullam.control.controllers import controller_names
 from fullam.model.loading import vehicle_names
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import scenario_names
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import scenario_names
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 

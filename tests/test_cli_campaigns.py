@@ -15,7 +15,7 @@ from fullam.analysis.claims import CLAIMS, Proof
 from fullam.cli import main
 from fullam.control.controllers import load_settings
 from fullam.exceptions import CampaignError
-from fullam.simulation.scenario import load_scenario, register_scenario
+from fullam.simulation.scenarios.scenario import load_scenario, register_scenario
 
 SHORT = register_scenario(replace(load_scenario("position-1"), name="short-cli", duration=0.5))
 SWEEP = ["sweep", "short-cli", "--runs", "2", "--driver", "python"]

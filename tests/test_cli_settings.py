@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from fullam.cli import main
-from fullam.simulation.scenario import load_scenario, register_scenario
+from fullam.simulation.scenarios.scenario import load_scenario, register_scenario
 from fullam.simulation.weather import CALM
 
 SHORT = register_scenario(

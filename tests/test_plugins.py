@@ -16,7 +16,7 @@ from fullam.control.controllers import CONTROLLERS
 from fullam.exceptions import FullamWarning, KernelError, PluginError, SettingsError, UnknownName
 from fullam.ownership import LOADED, owner_of
 from fullam.plugins import load_plugin
-from fullam.simulation.scenario import scenario_names
+from fullam.simulation.scenarios.scenario import scenario_names
 from fullam.simulation.simulate import fly_by_python
 
 LAW = """import numpy as np

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fullam.analysis.deviation import asked_rows, coordinates, deviations
 from fullam.numbers.records import Rows
-from fullam.simulation.jumps import last_jump
+from fullam.simulation.motions.jumps import last_jump
 
 Array = NDArray[np.float64]
 

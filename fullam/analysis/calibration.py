@@ -38,7 +38,7 @@ from fullam.exceptions import SettingsError
 from fullam.model.bodies import body_tables
 from fullam.model.rotors import Rotors, coupling_matrix
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 

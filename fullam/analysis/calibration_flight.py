@@ -11,7 +11,7 @@ from fullam.checks import Checker, Range
 from fullam.exceptions import ScenarioError, VehicleError
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.excitation import JOINT_ROUNDS, ArmExcitation, Excitation
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.weather import PAPER, Weather
 
 Array = NDArray[np.float64]

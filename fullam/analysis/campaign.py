@@ -33,7 +33,7 @@ from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.kernel import KERNELS, kernel
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.progress import Progress
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare
 from fullam.simulation.weather import Weather

@@ -23,7 +23,7 @@ from fullam.analysis.metrics import AXIS_FIGURES, FLIGHT_FIGURES, UNITS, Metrics
 from fullam.analysis.provenance import canonical_json
 from fullam.analysis.table_digest import table_digest
 from fullam.exceptions import CampaignError, MissingDependency
-from fullam.simulation.scenario import AXES
+from fullam.simulation.scenarios.scenario import AXES
 
 if TYPE_CHECKING:
     import pandas

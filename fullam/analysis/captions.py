@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from fullam.simulation.weather import WEATHERS
 
 if TYPE_CHECKING:
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 
 def weather_caption(run: Run) -> str:

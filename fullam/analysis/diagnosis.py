@@ -30,8 +30,8 @@ from fullam.model.attainable.facets import facets_of
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.oscillation import LAST, errors, swing
-from fullam.simulation.refly import plan_of
-from fullam.simulation.run import Run
+from fullam.simulation.record.refly import plan_of
+from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

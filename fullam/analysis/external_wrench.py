@@ -38,7 +38,7 @@ from fullam.analysis.measured_motion import MeasuredMotion, about_start
 from fullam.checks import Checker, from_zero, positive
 from fullam.exceptions import SettingsError, UnknownName
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from fullam.dynamics.rotations import quaternion_rotation
 from fullam.model.attainable.facets import facets_of
 from fullam.model.joints import ArmJoints
 from fullam.model.vehicle import Vehicle
-from fullam.simulation import arm_motion, references
-from fullam.simulation.scenario import Scenario
-from fullam.simulation.tool_solution import with_tool_solved
+from fullam.simulation.motions import arm_motion, references
+from fullam.simulation.scenarios.scenario import Scenario
+from fullam.simulation.tool.solution import with_tool_solved
 
 Array = NDArray[np.float64]
 

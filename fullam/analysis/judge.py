@@ -29,7 +29,7 @@ from fullam.analysis.response import JITTER_FREQUENCY, Path, path_numbers, rows_
 from fullam.analysis.tool_error import AskedTool
 from fullam.numbers.records import Rows, columns
 from fullam.simulation.flown import Flown
-from fullam.simulation.scenario import AXES
+from fullam.simulation.scenarios.scenario import AXES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -28,8 +28,8 @@ from fullam.simulation import fused
 from fullam.simulation.block import Block
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.many import fly_blocks
-from fullam.simulation.plant_settings import IN_KERNELS, in_kernels
-from fullam.simulation.run import Run
+from fullam.simulation.plants.settings import IN_KERNELS, in_kernels
+from fullam.simulation.record.run import Run
 from fullam.simulation.simulate import DRIVERS, fly_by_python
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fullam.analysis.diagnosis import Finding, diagnose
 from fullam.analysis.judged import FLIGHT_ENDED, LOST, driver_of
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import Weather

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.model.rotors import Rotors
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 

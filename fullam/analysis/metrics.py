@@ -42,8 +42,8 @@ from fullam.analysis.judge import COLUMN, NOISE_SIGMAS, Figures, Judge
 from fullam.analysis.tool_error import AskedTool
 from fullam.checks import Checker
 from fullam.exceptions import RunFileError
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import AXES
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import AXES
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle

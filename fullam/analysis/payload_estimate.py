@@ -39,8 +39,8 @@ from fullam.checks import Checker, from_zero, positive
 from fullam.exceptions import SettingsError
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.held_tool import held_tool
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
+from fullam.simulation.tool.held import held_tool
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -24,13 +24,13 @@ from fullam.numbers.kernel import kernel
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Stage
 from fullam.numbers.records import Rows, flat, record
-from fullam.simulation.arm_motion import HoldArm
 from fullam.simulation.block import Block
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.fused import Fused
-from fullam.simulation.plant_settings import in_kernels
-from fullam.simulation.references import Step
+from fullam.simulation.motions.arm_motion import HoldArm
+from fullam.simulation.motions.references import Step
+from fullam.simulation.plants.settings import in_kernels
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]

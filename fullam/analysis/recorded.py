@@ -43,14 +43,14 @@ from fullam.control.signals import Estimate
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.records import Rows, size
-from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.block import Block
-from fullam.simulation.catalogue import CONFIGURATIONS, HOME
 from fullam.simulation.fused import Fused
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.references import Step
+from fullam.simulation.motions.shaping import UNSHAPED
+from fullam.simulation.scenarios.catalogue import CONFIGURATIONS, HOME
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.shaping import UNSHAPED
 from fullam.simulation.simulate import prepare
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import RECORDED, Weather

@@ -43,8 +43,8 @@ from fullam.analysis.tuned_gains import contender_name, tuned_names
 from fullam.control.settings_file import SettingsFile
 from fullam.model.loading import load_vehicle
 from fullam.ownership import owner_of
-from fullam.simulation.catalogue import CONFIGURATIONS, TILT_EULER_DEG
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.catalogue import CONFIGURATIONS, TILT_EULER_DEG
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.simulation.weather import PAPER, Weather
 
 QUICK_RUNS = 8

@@ -19,7 +19,7 @@ from fullam.numbers.kernel import absolute, both, kernel, maximum, select, sqrt
 from fullam.numbers.vectors import Vector, axpy, dot
 
 if TYPE_CHECKING:
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 __all__ = ["Response", "coordinates", "settling_time"]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 DID = {"hinge": "turned", "ball": "turned", "slide": "slid", "free": "moved"}
 """What joints of a kind do."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from fullam.dynamics.pose_space import IDENTITY
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.scenario import Scenario
-from fullam.simulation.tool_kinematics import ToolKinematics
+from fullam.simulation.scenarios.scenario import Scenario
+from fullam.simulation.tool.kinematics import ToolKinematics
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from fullam.analysis.metrics import Metrics
 from fullam.control.admittance import Admittance
 from fullam.control.controllers import CONTROLLERS
 from fullam.control.hybrid_force import HybridForce
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 
 GAP = 0.1
 """A contact that is lost for less than this is one contact [s]."""

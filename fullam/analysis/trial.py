@@ -15,8 +15,8 @@ from fullam.model.perturbation import Uncertainty
 from fullam.model.vehicle import Vehicle
 from fullam.model.wrench_axes import controllable_axes
 from fullam.numbers.machine_code import available
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import AXES, Scenario
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.scenario import AXES, Scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import PAPER

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.analysis.judge import Figures
-from fullam.simulation.scenario import AXES
+from fullam.simulation.scenarios.scenario import AXES
 
 Array = NDArray[np.float64]
 

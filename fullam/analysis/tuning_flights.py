@@ -17,7 +17,7 @@ from fullam.analysis.margins import margin_warning
 from fullam.analysis.tuning_cost import NO_MARGIN, flight_costs
 from fullam.checks import Checker
 from fullam.exceptions import SettingsError
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.weather import CALM, WEATHERS, Weather
 from fullam.simulation.weather import weather as named_weather

@@ -12,7 +12,7 @@ from fullam.cli.verbs import FAILED, OK, argument, verb
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 
 def vehicle_file(text: str) -> Path:
@@ -48,7 +48,7 @@ def calibrate_vehicle(arguments: argparse.Namespace) -> int:
     from fullam.analysis.calibration import calibrate
     from fullam.model.loading import load_vehicle
     from fullam.model.writing import write_vehicle
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
     if arguments.record:
         run = Run.load(arguments.record)

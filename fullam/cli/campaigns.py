@@ -109,7 +109,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     """
     from fullam.analysis.campaign import Campaign
     from fullam.analysis.campaign import sweep as fly
-    from fullam.simulation.scenario import load_scenario
+    from fullam.simulation.scenarios.scenario import load_scenario
     from fullam.simulation.settings import SimulationSettings
 
     named = [name for names in arguments.scenarios for name in names]

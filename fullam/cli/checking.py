@@ -136,7 +136,7 @@ def margins_of(
     """Margins of a law, hovering."""
     from fullam.analysis.margins import loop_margins
     from fullam.model.wrench_axes import controllable_axes
-    from fullam.simulation.scenario import AXES, Scenario
+    from fullam.simulation.scenarios.scenario import AXES, Scenario
     from fullam.simulation.simulate import prepare
 
     possible = zip(AXES, controllable_axes(vehicle.rotors), strict=True)

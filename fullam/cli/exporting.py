@@ -29,8 +29,8 @@ def export(arguments: argparse.Namespace) -> int:
     mcap for Foxglove and PlotJuggler, csv and parquet for tables: a column a component, `pose_x`,
     `rotor_speeds_1`, in SI units. mcap and parquet need the extra `fullam[export]`.
     """
-    from fullam.simulation.run import Run
-    from fullam.simulation.run_export import FORMATS as writers
+    from fullam.simulation.record.export import FORMATS as writers
+    from fullam.simulation.record.run import Run
 
     record = Run.load(arguments.run)
     out = arguments.out or Path(arguments.run).with_suffix(f".{arguments.to}")

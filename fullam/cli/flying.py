@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fullam.analysis.diagnosis import Finding
     from fullam.analysis.metrics import Metrics
     from fullam.simulation.flight_plan import FlightPlan
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 MOST_JOINTS = 12
 """Of a scene's joints, told of at the prompt."""
@@ -38,7 +38,7 @@ def run_scenario(arguments: argparse.Namespace) -> int:
     with one seed meet exactly the same weather. Exit code 1 says that the flight diverged or
     swings about its target.
     """
-    from fullam.simulation.scenario import load_scenario
+    from fullam.simulation.scenarios.scenario import load_scenario
 
     arguments.scenario = load_scenario(arguments.scenario)
     flight = prepared(arguments, *options.law(arguments, arguments.scenario.controller))

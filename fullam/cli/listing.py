@@ -16,7 +16,7 @@ def registered() -> dict[str, dict[str, str]]:
     from fullam.control.estimators import estimator_class, estimator_names
     from fullam.model.loading import load_vehicle, vehicle_names
     from fullam.ownership import owner_of
-    from fullam.simulation.scenario import Scenario, load_scenario, scenario_names
+    from fullam.simulation.scenarios.scenario import Scenario, load_scenario, scenario_names
     from fullam.simulation.sensor_errors import SensorErrors
     from fullam.simulation.weather import WEATHERS
 

@@ -292,7 +292,7 @@ def plant_choices(arguments: argparse.Namespace) -> dict[str, Any]:
 
     Settings without a plant are for the one that the scenario needs, if there is one scenario.
     """
-    from fullam.simulation.scenario import Scenario, load_scenario
+    from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 
     plant, changes = arguments.plant, {}
     scenario = getattr(arguments, "scenario", None)

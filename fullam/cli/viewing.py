@@ -13,7 +13,7 @@ from fullam.cli.verbs import FAILED, OK, argument, verb
 
 if TYPE_CHECKING:
     from fullam.simulation.flight_plan import FlightPlan
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
     from fullam.viz.viewer.replay import Film
     from fullam.viz.viewer.server import ViewerServer
 
@@ -87,7 +87,7 @@ def view_flight(arguments: argparse.Namespace) -> int:
         )
     if not records and not (arguments.html or arguments.png or arguments.gif):
         return _fly_live(arguments)
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
     from fullam.viz.viewer.replay import film
 
     runs = [Run.load(path) for path in records] or [_fly(arguments)]
@@ -111,7 +111,7 @@ def _fly(arguments: argparse.Namespace) -> Run:
 
 def _prepared(arguments: argparse.Namespace) -> FlightPlan:
     from fullam.cli.flying import prepared
-    from fullam.simulation.scenario import load_scenario
+    from fullam.simulation.scenarios.scenario import load_scenario
 
     scenario = load_scenario(arguments.target[0])
     as_run_has_them = argparse.Namespace(**vars(arguments), scenario=scenario)
@@ -177,8 +177,8 @@ def fly_free(arguments: argparse.Namespace) -> int:
     The page is served to this machine only; its address holds a secret, and whoever has it can
     touch the flight. From elsewhere use a tunnel: ssh -L 7000:127.0.0.1:7000 HOST.
     """
-    from fullam.simulation.free import plan_of
-    from fullam.simulation.scenario import load_scenario, scenario_names
+    from fullam.simulation.hands.free import plan_of
+    from fullam.simulation.scenarios.scenario import load_scenario, scenario_names
 
     simulation = options.simulation_settings(arguments)
     simulation.check_length(arguments.duration)
@@ -266,7 +266,7 @@ def plot_run(arguments: argparse.Namespace) -> int:
     Panels stand under each other over one time axis, half a column wide; the suffix of the file
     chooses the format.
     """
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
     from fullam.viz.figures import overview, save_figure
     from fullam.viz.panels import plot
 

@@ -21,7 +21,7 @@ from fullam.numbers.kernel import kernel
 from fullam.numbers.program import Stage, program
 from fullam.numbers.records import Rows
 from fullam.numbers.vectors import add, rotate_back, scale, subtract
-from fullam.simulation.references import ReferenceTable
+from fullam.simulation.motions.references import ReferenceTable
 
 Array = NDArray[np.float64]
 

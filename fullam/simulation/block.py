@@ -42,9 +42,9 @@ from fullam.numbers.records import Rows, columns, rows_of
 from fullam.simulation.drawn_weather import InertialNoise
 from fullam.simulation.flight_plan import FlightPlan
 from fullam.simulation.flown import Flown, TrackView, write_track
-from fullam.simulation.plant import State
-from fullam.simulation.plant_kind import Surroundings
-from fullam.simulation.plants import make_plant
+from fullam.simulation.plants.kind import Surroundings
+from fullam.simulation.plants.named import make_plant
+from fullam.simulation.plants.plant import State
 from fullam.simulation.stages import (
     ORDER,
     Entry,
@@ -73,7 +73,7 @@ class Block:
         lanes: Flights at a time; 0 for one, as scalars.
         law: The law, for its kernels and numbers; or, if it is no `KernelLaw`, for Python to fly.
         estimator: The estimator, in the same way.
-        state: The platform, one row of `plant.State`.
+        state: The platform, one row of `plants.plant.State`.
         status: Whether it still flies, one row of `Status`.
         speeds: Rotor speeds, n_r rows.
         entries: The record, a row a control period, if it is kept.

@@ -19,8 +19,8 @@ from fullam.checks import Checker, Range, within
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.dynamics.rotations import angular_motion
 from fullam.exceptions import ScenarioError
-from fullam.simulation.arm_table import ArmTable
-from fullam.simulation.reference_table import ReferenceTable
+from fullam.simulation.motions.arm_table import ArmTable
+from fullam.simulation.motions.reference_table import ReferenceTable
 
 Array = NDArray[np.float64]
 

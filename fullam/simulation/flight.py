@@ -23,10 +23,10 @@ from fullam.exceptions import NonFiniteWrench
 from fullam.numbers.program import Lists
 from fullam.numbers.records import flat, record
 from fullam.simulation.block import Block, in_order
-from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
-from fullam.simulation.plant_kind import PythonStage
-from fullam.simulation.run import Run
+from fullam.simulation.plants.kind import PythonStage
+from fullam.simulation.record.finish import finish
+from fullam.simulation.record.run import Run
 from fullam.simulation.tables import Tables
 
 Array = NDArray[np.float64]

@@ -25,13 +25,13 @@ from fullam.model.perturbation import perturb
 from fullam.model.vehicle import Vehicle
 from fullam.registry import made
 from fullam.simulation.anticipation import Anticipation
-from fullam.simulation.arm_motion import ArmTable, tabulate_within_limits
-from fullam.simulation.payload import check_apart
-from fullam.simulation.plant_settings import ServoSettings, plant_settings
-from fullam.simulation.references import ReferenceTable, tabulate
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.arm_motion import ArmTable, tabulate_within_limits
+from fullam.simulation.motions.references import ReferenceTable, tabulate
+from fullam.simulation.payloads.payload import check_apart
+from fullam.simulation.plants.settings import ServoSettings, plant_settings
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.tool_solution import with_tool_solved
+from fullam.simulation.tool.solution import with_tool_solved
 from fullam.simulation.trimmed import trim_of, trim_reference
 from fullam.simulation.weather import Forecast, Weather, forecast
 

@@ -13,10 +13,10 @@ from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.machine_code import available
 from fullam.numbers.program import Program, program
 from fullam.simulation.block import Block, Keep
-from fullam.simulation.finish import finish
 from fullam.simulation.flight_plan import FlightPlan, divergence
 from fullam.simulation.progress import Progress
-from fullam.simulation.run import Run
+from fullam.simulation.record.finish import finish
+from fullam.simulation.record.run import Run
 from fullam.simulation.tables import Tables
 
 STRETCH = 500

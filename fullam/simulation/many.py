@@ -17,7 +17,7 @@ from fullam.numbers.machine_code import available
 from fullam.simulation.block import Block, Keep
 from fullam.simulation.flight_plan import FlightPlan, checked_seed
 from fullam.simulation.fused import Fused, run_of
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 from fullam.simulation.tables import Tables
 
 Result = TypeVar("Result")

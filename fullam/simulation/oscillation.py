@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 from fullam.dynamics import quaternions
 from fullam.simulation.flight_plan import FlightPlan
-from fullam.simulation.jumps import last_jump
-from fullam.simulation.references import ReferenceTable
+from fullam.simulation.motions.jumps import last_jump
+from fullam.simulation.motions.references import ReferenceTable
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

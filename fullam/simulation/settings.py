@@ -14,7 +14,7 @@ from fullam.control.governor import Governor
 from fullam.dynamics.integrators import integrator
 from fullam.exceptions import ScenarioError
 from fullam.plain_values import plain_table
-from fullam.simulation.plant_settings import plant_settings
+from fullam.simulation.plants.settings import plant_settings
 
 WHERE = "simulation settings"
 CHECK = Checker(WHERE, ScenarioError)
@@ -45,7 +45,7 @@ class SimulationSettings:
             "servo" (joints are free, moved by their servos) or "mujoco" (so are they, by MuJoCo;
             "mujoco-prescribed" for comparisons).
         plant_settings: Those of the plant's settings that differ from its defaults; see
-            `plant_settings`.
+            `plants.settings`.
         pose_period: Time between poses from the pose sensor [s]; a multiple of the control period.
         delay: Age of a pose when it arrives [s]; a multiple of the control period.
         estimator: Name of the estimator; None takes the one that the controller is made for, by

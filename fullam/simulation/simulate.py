@@ -18,11 +18,11 @@ from fullam.numbers.blas import one_blas_thread
 from fullam.simulation import fused
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import FlightPlan
+from fullam.simulation.motions.shaping import Shaping
 from fullam.simulation.progress import Progress
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.shaping import Shaping
 from fullam.simulation.weather import CALM, Weather
 from fullam.simulation.weather import weather as named_weather
 

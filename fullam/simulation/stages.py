@@ -7,7 +7,7 @@ A flight is a list of stages, called in turn in every control period:
     estimate  what does the estimator make of it?                    `fullam.control.estimator`
     foresee   take the known lags off                                here, `anticipation`
     govern    take the target's tilt back while force is short       `fullam.control.governor`
-    expect    what does the controller know that the tool carries?   `payload_carrying`
+    expect    what does the controller know that the tool carries?   `payloads.carrying`
     steer     where shall the arm's servos go?                       `fullam.control.arm_goals`
     encode    what do encoders, or a twin, tell of the arm?          `fullam.control.arm_feedback`
     command   which wrench does the law want?                        `fullam.control.law`
@@ -15,14 +15,14 @@ A flight is a list of stages, called in turn in every control period:
     allocate  which rotor speeds give it?                            `fullam.control.delivery`
     share     what of it was the law's?                              `fullam.control.payload_lift`
     inform    tell the law what it did not get                       `fullam.control.law`
-    learn     what hangs at the tool that nobody told of?            `payload_learning`
+    learn     what hangs at the tool that nobody told of?            `payloads.learning`
     relieve   tell the law what of that is known by now              `fullam.control.law`
     record    write the row of the period                            here
-    record arm    write its joints' part                             `servo_motion`
-    record tool   write where its tool is, for a track               `tool_track`
-    load      what does its tool carry?                              `payload`
-    record touch  write what the world does to its tool              `contact`
-    move      fly the period                          `plant`, `servo_motion`, `mujoco_plant`
+    record arm    write its joints' part                             `plants.servo_motion`
+    record tool   write where its tool is, for a track               `tool.track`
+    load      what does its tool carry?                              `payloads.payload`
+    record touch  write what the world does to its tool              `world.contact`
+    move      fly the period               `plants`, `mujoco.plant`
 
 Eleven of them belong to an arm on servos (`OF_SERVOS`); others are left out where nothing is to
 be done.
@@ -45,7 +45,7 @@ from fullam.dynamics.spatial import (
 from fullam.numbers.kernel import Number, absolute, both, kernel, select
 from fullam.numbers.vectors import Vector, dot, multiply, subtract
 from fullam.simulation.anticipation import advance
-from fullam.simulation.plant import rotor_wrench
+from fullam.simulation.plants.plant import rotor_wrench
 from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 
 ORDER = (
@@ -76,7 +76,7 @@ class Bounds(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A row of the record; see `fullam.simulation.run.COLUMNS`."""
+    """A row of the record; see `fullam.simulation.record.run.COLUMNS`."""
 
     pose: Pose
     velocity: Spatial

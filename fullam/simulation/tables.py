@@ -29,7 +29,7 @@ from fullam.simulation.flight_plan import (
     hover_speeds,
     make_estimator,
 )
-from fullam.simulation.plant import Stepping
+from fullam.simulation.plants.plant import Stepping
 from fullam.simulation.stages import Bounds, Rates
 
 Array = NDArray[np.float64]

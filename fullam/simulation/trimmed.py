@@ -26,8 +26,8 @@ from fullam.dynamics import quaternions
 from fullam.dynamics.rotations import quaternion_rotation
 from fullam.model.attainable.facets import MOST_ROTORS, facets_of
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.references import ReferenceTable
-from fullam.simulation.shaping import Shaping
+from fullam.simulation.motions.references import ReferenceTable
+from fullam.simulation.motions.shaping import Shaping
 
 Array = NDArray[np.float64]
 

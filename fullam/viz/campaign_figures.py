@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fullam.analysis.campaign import TRACE_PERIOD
 from fullam.analysis.response import coordinates
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.viz import style
 
 if TYPE_CHECKING:

@@ -17,14 +17,14 @@ from fullam.analysis.captions import caption, weather_caption
 from fullam.analysis.response import Response, coordinates
 from fullam.exceptions import InvalidInput
 from fullam.files import atomic_path
-from fullam.simulation.scenario import AXES
+from fullam.simulation.scenarios.scenario import AXES
 from fullam.viz import style, touch_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 

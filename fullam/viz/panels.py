@@ -15,7 +15,7 @@ from fullam.viz import figures, style, touch_figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 ROW_HEIGHT, EXTRA_HEIGHT = 0.95, 0.75
 """Height of an axes, and of title and time axis together [inch]."""

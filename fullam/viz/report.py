@@ -20,7 +20,7 @@ from fullam.analysis.tuned_gains import TUNED, tuned_names
 from fullam.analysis.tuning_flights import TuningFlights
 from fullam.files import atomic_path
 from fullam.model.loading import load_vehicle
-from fullam.simulation.catalogue import CONFIGURATIONS
+from fullam.simulation.scenarios.catalogue import CONFIGURATIONS
 from fullam.viz import campaign_figures, report_tables
 from fullam.viz.figures import save_figure
 from fullam.viz.report_lost import lost_section

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fullam.exceptions import InvalidInput
-from fullam.simulation.arm_motion import tabulate
+from fullam.simulation.motions.arm_motion import tabulate
 from fullam.viz import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from fullam.exceptions import SettingsError, VehicleError
 from fullam.model.loading import load_vehicle
 from fullam.model.writing import write_vehicle
 from fullam.simulation.many import fly_many
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import PAPER
 

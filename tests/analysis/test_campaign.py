@@ -23,9 +23,9 @@ from fullam.dynamics.spatial import Spatial
 from fullam.exceptions import CampaignError, SettingsError, UnknownName
 from fullam.model.loading import load_vehicle
 from fullam.numbers.kernel import kernel, select
-from fullam.simulation.catalogue import HOME
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.catalogue import HOME
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.simulate import prepare, simulate
 
 SHORT = replace(load_scenario("position-1"), name="short", duration=0.6)

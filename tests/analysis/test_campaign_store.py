@@ -17,7 +17,7 @@ from fullam.analysis.campaign import Campaign, sweep
 from fullam.analysis.campaign_store import CampaignStore
 from fullam.analysis.campaign_table import DIGEST, METADATA, read_campaign
 from fullam.exceptions import CampaignError, MissingDependency
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 
 BRIEF = replace(load_scenario("position-1"), name="brief", duration=0.1)
 

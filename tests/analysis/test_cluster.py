@@ -21,7 +21,7 @@ from fullam.analysis.campaign_store import CampaignStore, open_store  # noqa: E4
 from fullam.analysis.campaign_table import read_campaign  # noqa: E402
 from fullam.analysis.cluster import Scheduler, map_in_order, open_workers  # noqa: E402
 from fullam.exceptions import CampaignError, FullamWarning  # noqa: E402
-from fullam.simulation.scenario import load_scenario  # noqa: E402
+from fullam.simulation.scenarios.scenario import load_scenario  # noqa: E402
 
 # dask closes a killed worker's sockets when it gets to it.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
@@ -36,7 +36,7 @@ SCRIPT = """
 import sys, time
 from dataclasses import replace
 from fullam.analysis.campaign import Campaign, sweep
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 
 def tell(done, total):
     print(done, time.monotonic(), flush=True)
@@ -52,7 +52,7 @@ import sys
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.control.controllers import register
 from fullam.control.pid import Pid
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 
 GAIN = 0.9
 
@@ -196,7 +196,7 @@ from fullam.control.controllers import register
 from fullam.control.signals import Command
 from fullam.dynamics.spatial import Spatial
 from fullam.numbers.kernel import kernel
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 
 SHARE = 0.9 + 1e-9 * (time.time_ns() % 10**6)  # compiled by nobody yet
 

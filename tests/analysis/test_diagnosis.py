@@ -8,7 +8,7 @@ import fullam
 from fullam.analysis.diagnosis import diagnose
 from fullam.cli import main
 from fullam.exceptions import Diverged
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 
 HOME = (0.0, 0.0, 2.0)
 

@@ -30,8 +30,8 @@ from fullam.analysis.evidence import (
 )
 from fullam.exceptions import CampaignError
 from fullam.model.loading import load_vehicle
-from fullam.simulation.catalogue import CONFIGURATIONS, TILT_EULER_DEG
-from fullam.simulation.scenario import scenario_names
+from fullam.simulation.scenarios.catalogue import CONFIGURATIONS, TILT_EULER_DEG
+from fullam.simulation.scenarios.scenario import scenario_names
 
 RNG = np.random.default_rng(7)
 

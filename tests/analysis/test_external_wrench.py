@@ -16,12 +16,12 @@ from fullam.analysis.external_wrench import (
 )
 from fullam.analysis.measured_motion import MeasuredMotion
 from fullam.exceptions import SettingsError, UnknownName
-from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.fused import Fused, run_of
-from fullam.simulation.joint_trajectory import JointTrajectory
 from fullam.simulation.many import fly_many
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.joint_trajectory import JointTrajectory
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import CALM, PAPER

@@ -10,9 +10,9 @@ import pytest
 from fullam.analysis.atlas.envelope import Envelope
 from fullam.analysis.foresight import reach_warning
 from fullam.model.loading import load_vehicle
-from fullam.simulation.arm_motion import SineRate
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario, load_scenario, scenario_names
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario, scenario_names
 
 
 @pytest.mark.parametrize("name", scenario_names())

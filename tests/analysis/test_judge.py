@@ -19,8 +19,8 @@ from fullam.model.loading import load_vehicle
 from fullam.numbers import program
 from fullam.numbers.records import Rows
 from fullam.simulation.flown import Flown
-from fullam.simulation.run import COLUMNS, Run, allocate_columns
-from fullam.simulation.scenario import AXES, Scenario
+from fullam.simulation.record.run import COLUMNS, Run, allocate_columns
+from fullam.simulation.scenarios.scenario import AXES, Scenario
 from fullam.simulation.weather import CALM, RECORDED
 
 PERIOD = 0.01

@@ -12,9 +12,9 @@ from fullam.analysis.judge import HOLD_BAND
 from fullam.analysis.metrics import measure
 from fullam.analysis.response import DWELL, settling_time
 from fullam.model.loading import load_vehicle
-from fullam.simulation.references import Circle, Step
-from fullam.simulation.run import COLUMNS, Run, allocate_columns
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.references import Circle, Step
+from fullam.simulation.record.run import COLUMNS, Run, allocate_columns
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.weather import CALM, RECORDED
 
 PERIOD = 0.01

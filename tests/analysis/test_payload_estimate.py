@@ -14,11 +14,11 @@ from fullam.analysis.payload_estimate import (
     solved,
 )
 from fullam.exceptions import SettingsError
-from fullam.simulation.arm_motion import JointTrajectory
 from fullam.simulation.many import fly_many
-from fullam.simulation.payload import Payload
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.motions.arm_motion import JointTrajectory
+from fullam.simulation.motions.references import Step
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM
 

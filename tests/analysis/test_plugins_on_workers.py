@@ -15,7 +15,7 @@ from fullam.analysis.cluster import map_in_order, open_workers
 from fullam.cli import main
 from fullam.exceptions import FullamWarning, PluginError
 from fullam.plugins import load_plugin
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 
 # dask closes what it holds when it gets to it.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")

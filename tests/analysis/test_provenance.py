@@ -15,7 +15,7 @@ from fullam.control.controllers import controller_class
 from fullam.exceptions import CampaignError
 from fullam.model.loading import vehicle_path
 from fullam.registry import Registry
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 
 CONTROLLER = '''
 """A law of a user's own."""

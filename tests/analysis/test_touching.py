@@ -9,7 +9,7 @@ from fullam.analysis.metrics import measure
 from fullam.analysis.pushed import hover_of
 from fullam.analysis.touching import contact_of, contact_warning, pushed_axes, unsettled_axes
 from fullam.cli import main
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.simulation.simulate import prepare, simulate
 
 PUSH = replace(load_scenario("push-wall"), duration=7.0)

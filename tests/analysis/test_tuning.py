@@ -32,7 +32,7 @@ from fullam.control.controller import Controller
 from fullam.control.controllers import CONTROLLERS, LAWS, load_settings, make_settings
 from fullam.control.tunable import search_space, tunable
 from fullam.exceptions import CampaignError, SettingsError, UnknownName
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.simulate import fly_by_python, prepare
 from fullam.simulation.weather import CALM
 

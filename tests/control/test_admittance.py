@@ -10,7 +10,7 @@ from fullam.control.admittance import AdmittanceSettings, beyond
 from fullam.control.controllers import make_settings
 from fullam.exceptions import SettingsError
 from fullam.simulation.many import fly_many
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM, PAPER
 

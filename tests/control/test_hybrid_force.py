@@ -8,11 +8,11 @@ import pytest
 from fullam.control.controllers import make_settings
 from fullam.exceptions import SettingsError
 from fullam.simulation.many import fly_many
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM, PAPER
-from fullam.simulation.world import Plane
+from fullam.simulation.world.surfaces import Plane
 
 QUIET = replace(PAPER, force_disturbance=0.0, moment_disturbance=0.0)
 YAW = (0.0, 0.0, -45.0)

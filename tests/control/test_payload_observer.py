@@ -17,8 +17,8 @@ from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
 from fullam.numbers.records import flat, record
-from fullam.simulation.held_tool import held_tool
-from fullam.simulation.payload_learning import learn_numbers
+from fullam.simulation.payloads.learning import learn_numbers
+from fullam.simulation.tool.held import held_tool
 
 ROWS = np.array([[1.0, 0.0, 0.0, 0.0], [0.3, 0.6, 0.0, -0.8], [-0.2, 0.0, 1.0, 0.1]])
 

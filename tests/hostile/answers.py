@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 import fullam
 from fullam.exceptions import FullamError, FullamWarning
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario
-from fullam.simulation.world_file import WorldFile
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario
+from fullam.simulation.world.world_file import WorldFile
 
 PATIENCE = 10
 """What takes longer hangs [s of the processor; on a machine that is busy, six times that]."""

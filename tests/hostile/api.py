@@ -28,17 +28,17 @@ from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.model.perturbation import Uncertainty, perturb
 from fullam.model.rotors import Rotors
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.arm_motion import HoldArm, JointTrajectory, SineRate
-from fullam.simulation.motion_rows import ReferenceRows
-from fullam.simulation.references import Circle, Step, Trajectory, Waypoints
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario, register_scenario
+from fullam.simulation.motions.arm_motion import HoldArm, JointTrajectory, SineRate
+from fullam.simulation.motions.motion_rows import ReferenceRows
+from fullam.simulation.motions.references import Circle, Step, Trajectory, Waypoints
+from fullam.simulation.motions.shaping import Shaping
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario, register_scenario
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.shaping import Shaping
 from fullam.simulation.simulate import simulate
-from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
-from fullam.simulation.tool_task import ToolTask
-from fullam.simulation.tool_weights import ToolWeights
+from fullam.simulation.tool.paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool.task import ToolTask
+from fullam.simulation.tool.weights import ToolWeights
 from fullam.simulation.weather import Weather, weather
 
 WRONG: tuple[Any, ...] = (

@@ -23,13 +23,13 @@ from fullam.control.tunable import search_space
 from fullam.model.loading import load_vehicle
 from fullam.model.writing import write_vehicle
 from fullam.simulation.excitation import ArmExcitation, Excitation
-from fullam.simulation.motion_csv import read_columns
-from fullam.simulation.payload import Payload
-from fullam.simulation.plant_settings import ServoSettings
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.motion_csv import read_columns
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.plants.settings import ServoSettings
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.sensor_errors import SensorErrors
 from fullam.simulation.simulate import prepare
-from fullam.simulation.world import Box, Plane, Sphere, surface
+from fullam.simulation.world.surfaces import Box, Plane, Sphere, surface
 
 Calls = list[tuple[Callable[..., Any], dict[str, Any]]]
 

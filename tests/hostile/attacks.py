@@ -34,8 +34,8 @@ from fullam.analysis.scene_motion import scene_motions
 from fullam.model.bodies import body_tables
 from fullam.model.loading import load_vehicle, vehicle_path
 from fullam.model.servos import DEFAULTS
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 
 # --- vehicles ---------------------------------------------------------------------------------
 

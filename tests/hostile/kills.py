@@ -15,7 +15,7 @@ import psutil
 
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.analysis.campaign_store import CampaignStore
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 
 SCRIPT = """
 import signal, sys, time

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from values import NUMBERS, TEXTS, damaged, document, mostly, toml_values, torn
 
 import fullam
-from fullam.simulation.joint_trajectory import JointTrajectory
-from fullam.simulation.scenario import Scenario, load_scenario
-from fullam.simulation.trajectory import Trajectory
+from fullam.simulation.motions.joint_trajectory import JointTrajectory
+from fullam.simulation.motions.trajectory import Trajectory
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 
 TIMES, POINTS = (0.0, 1.0, 2.0), ((0, 0, 1), (1, 0, 1), (1, 1, 1))
 THROUGH = {"waypoints": POINTS, "times": TIMES, "euler_deg": ((0, 0, 0), (0, 5, 9), (0, 0, 0))}

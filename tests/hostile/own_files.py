@@ -16,7 +16,7 @@ from fullam.control.controllers import controller_names, load_settings, make_set
 from fullam.exceptions import FullamError
 from fullam.ownership import LOADED, withdraw
 from fullam.plugins import load_plugin
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 
 # --- settings ---------------------------------------------------------------------------------
 

@@ -32,7 +32,7 @@ from kills import kill_sweeps
 from fullam.analysis.campaign import Campaign, sweep
 from fullam.analysis.judged import FASTEST
 from fullam.cli.output import say, table
-from fullam.simulation.scenario import scenario_names
+from fullam.simulation.scenarios.scenario import scenario_names
 
 PAPER = tuple(n for n in scenario_names() if n.startswith(("position-", "tilt-hover-", "task-")))
 """The ten scenarios of the fully actuated vehicle."""

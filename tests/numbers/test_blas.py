@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import fullam
 from fullam.numbers.blas import one_blas_thread
 from fullam.simulation import flight, fused
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 
 SHORT = load_scenario("position-1").to_dict() | {"duration": 0.1}
 

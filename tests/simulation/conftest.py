@@ -14,7 +14,7 @@ from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.chain import LinkChain
 from fullam.numbers.records import Rows, flat, record
 from fullam.numbers.vectors import ZERO
-from fullam.simulation.plant import (
+from fullam.simulation.plants.plant import (
     PinocchioRate,
     PlantView,
     State,
@@ -22,7 +22,7 @@ from fullam.simulation.plant import (
     advance,
     twist_rate,
 )
-from fullam.simulation.servo_motion import NoWorld, ServoView, Slope, servo_stage
+from fullam.simulation.plants.servo_motion import NoWorld, ServoView, Slope, servo_stage
 from fullam.simulation.true_vehicle import RotorFactors, nominal_rows, rotor_row
 
 ROUTES = ("pinocchio", "recursion")

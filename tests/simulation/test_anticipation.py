@@ -13,8 +13,8 @@ from fullam.dynamics.pose_space import pose_from_euler
 from fullam.dynamics.so3 import boxplus
 from fullam.numbers.records import Rows, flat, record
 from fullam.simulation.anticipation import STILL, Anticipation, advance
-from fullam.simulation.blending import blend_jumps
-from fullam.simulation.references import Step, tabulate
+from fullam.simulation.motions.blending import blend_jumps
+from fullam.simulation.motions.references import Step, tabulate
 
 T = np.arange(301) * 0.01
 START = pose_from_euler(np.zeros(3), np.zeros(3))

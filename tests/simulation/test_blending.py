@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fullam.dynamics.pose_space import pose_from_euler
-from fullam.simulation.blending import blend_jumps, leaves_jumps
-from fullam.simulation.references import Circle, Step, Waypoints, tabulate
+from fullam.simulation.motions.blending import blend_jumps, leaves_jumps
+from fullam.simulation.motions.references import Circle, Step, Waypoints, tabulate
 
 T = np.arange(601) * 0.01
 START = pose_from_euler(np.array([0.0, 0.0, 1.0]), np.zeros(3))

@@ -8,7 +8,15 @@ import pytest
 
 from fullam.exceptions import ScenarioError, UnknownName
 from fullam.model.loading import load_vehicle
-from fullam.simulation.contact import (
+from fullam.simulation.many import fly_many
+from fullam.simulation.motions.references import Step
+from fullam.simulation.plants.servo_motion import servo_stage
+from fullam.simulation.record.refly import refly
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario
+from fullam.simulation.simulate import prepare, simulate
+from fullam.simulation.weather import CALM
+from fullam.simulation.world.contact import (
     Material,
     block,
     surface_force,
@@ -16,15 +24,7 @@ from fullam.simulation.contact import (
     world_force,
     world_rows,
 )
-from fullam.simulation.many import fly_many
-from fullam.simulation.references import Step
-from fullam.simulation.refly import refly
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario
-from fullam.simulation.servo_motion import servo_stage
-from fullam.simulation.simulate import prepare, simulate
-from fullam.simulation.weather import CALM
-from fullam.simulation.world import Box, Plane, Sphere, surface
+from fullam.simulation.world.surfaces import Box, Plane, Sphere, surface
 
 WALL = Plane((0.66, 0.0, 0.0), (-1.0, 0.0, 0.0))
 YAW = (0.0, 0.0, -45.0)

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from fullam.dynamics.multibody import rotation_of
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.simulation.simulate import simulate
 from fullam.simulation.weather import CALM
 

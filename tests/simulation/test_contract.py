@@ -22,11 +22,11 @@ from fullam.control.estimators import estimator_names
 from fullam.dynamics.integrators import INTEGRATORS
 from fullam.model.loading import load_vehicle, vehicle_names
 from fullam.model.wrench_axes import controllable_axes
-from fullam.simulation.arm_motion import HoldArm, SineRate
 from fullam.simulation.many import fly_many
-from fullam.simulation.plant_settings import IN_KERNELS
-from fullam.simulation.plants import PLANTS
-from fullam.simulation.scenario import AXES
+from fullam.simulation.motions.arm_motion import HoldArm, SineRate
+from fullam.simulation.plants.named import PLANTS
+from fullam.simulation.plants.settings import IN_KERNELS
+from fullam.simulation.scenarios.scenario import AXES
 from fullam.simulation.simulate import fly_by_python, prepare
 
 PERIODS, MANY_PERIODS = 100, 1000

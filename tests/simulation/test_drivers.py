@@ -23,7 +23,7 @@ from fullam.simulation import fused
 from fullam.simulation.block import Block
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import divergence
-from fullam.simulation.run import COLUMNS
+from fullam.simulation.record.run import COLUMNS
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import fly_by_python, prepare
 from fullam.simulation.stages import WatchView, watch

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from fullam.exceptions import ScenarioError
 from fullam.simulation.excitation import ArmExcitation, Excitation
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.scenarios.scenario import Scenario
 
 START = np.array([1.0, -2.0, 3.0, 0.0, 0.0, 0.0, 1.0])
 STEP = 1e-5

@@ -6,7 +6,7 @@ import pytest
 import fullam
 from fullam.control.dc_pid import COMPENSATIONS
 from fullam.simulation.many import fly_many
-from fullam.simulation.scenario import load_scenario, scenario_names
+from fullam.simulation.scenarios.scenario import load_scenario, scenario_names
 from fullam.simulation.simulate import prepare
 
 POSITION = [f"position-{i}" for i in range(1, 5)]

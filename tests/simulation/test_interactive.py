@@ -7,9 +7,9 @@ import pytest
 import fullam
 from fullam.control.controllers import CONTROLLERS
 from fullam.exceptions import FullamError, InvalidInput, RunFileError
-from fullam.simulation.hand_force import MOST_FORCE, STIFFNESS
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.refly import hand_forces
+from fullam.simulation.hands.force import MOST_FORCE, STIFFNESS
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.record.refly import hand_forces
 from fullam.simulation.simulate import prepare, simulate
 
 

@@ -6,9 +6,9 @@ from altered_vehicles import with_joint
 
 import fullam
 from fullam.exceptions import ScenarioError
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.joint_trajectory import JointTrajectory
-from fullam.simulation.run import Run
+from fullam.simulation.motions.arm_motion import HoldArm, SineRate
+from fullam.simulation.motions.joint_trajectory import JointTrajectory
+from fullam.simulation.record.run import Run
 
 LIMITS = 'lower="-0.15" upper="0.15"'
 

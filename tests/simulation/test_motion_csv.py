@@ -5,9 +5,9 @@ import pytest
 
 import fullam
 from fullam.exceptions import ScenarioError
-from fullam.simulation.joint_trajectory import JointTrajectory
-from fullam.simulation.motion_csv import read_columns
-from fullam.simulation.trajectory import Trajectory
+from fullam.simulation.motions.joint_trajectory import JointTrajectory
+from fullam.simulation.motions.motion_csv import read_columns
+from fullam.simulation.motions.trajectory import Trajectory
 
 
 def file(tmp_path, text, name="motion.csv"):

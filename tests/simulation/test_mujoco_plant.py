@@ -11,18 +11,18 @@ from fullam.analysis.pushed import hover_of
 from fullam.dynamics.servo import ServoNumbers, servo_torque
 from fullam.exceptions import MissingDependency, ScenarioError, SettingsError, UnknownName
 from fullam.model.loading import load_vehicle
-from fullam.simulation import mujoco_spec
-from fullam.simulation.arm_motion import SineRate
-from fullam.simulation.mujoco_engine import Engine, mean_square
-from fullam.simulation.payload import Payload
-from fullam.simulation.references import Step
-from fullam.simulation.refly import refly
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.references import Step
+from fullam.simulation.mujoco import spec as mujoco_spec
+from fullam.simulation.mujoco.engine import Engine, mean_square
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.record.refly import refly
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM, PAPER
-from fullam.simulation.world import Box, Plane, Sphere
+from fullam.simulation.world.surfaces import Box, Plane, Sphere
 
 TASK = replace(load_scenario("task-2"), duration=3.0, weather=CALM)
 SWING = replace(TASK, duration=2.0, arm_motion=SineRate(joint=3, rate=2.0, frequency=4.0))

@@ -5,7 +5,7 @@ import pytest
 
 import fullam
 from fullam.simulation.oscillation import BANDS, Swing, swing
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 
 PERIOD, ROWS = 0.01, 400
 T = PERIOD * np.arange(ROWS)

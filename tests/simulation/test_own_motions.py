@@ -13,12 +13,12 @@ from fullam.analysis.campaign import Campaign
 from fullam.analysis.foresight import reach_warning
 from fullam.checks import Checker
 from fullam.exceptions import ScenarioError
-from fullam.simulation import motion_rows
-from fullam.simulation.arm_motion import ArmTable
 from fullam.simulation.many import fly_many
-from fullam.simulation.motion_rows import ArmRows, ReferenceRows, pack, unpack
-from fullam.simulation.references import ReferenceTable
-from fullam.simulation.run import COLUMNS, Run
+from fullam.simulation.motions import motion_rows
+from fullam.simulation.motions.arm_motion import ArmTable
+from fullam.simulation.motions.motion_rows import ArmRows, ReferenceRows, pack, unpack
+from fullam.simulation.motions.references import ReferenceTable
+from fullam.simulation.record.run import COLUMNS, Run
 from fullam.simulation.simulate import fly_by_python, prepare
 
 CHECK = Checker("rows", ScenarioError)
@@ -228,7 +228,7 @@ def test_an_arm_without_joints_moves_as_it_may():
 
 
 def test_hands_fly_it_too(scenario):
-    from fullam.simulation.interactive import InteractiveFlight
+    from fullam.simulation.hands.interactive import InteractiveFlight
 
     flight = InteractiveFlight(prepare(scenario))
     while flight.period < 20:

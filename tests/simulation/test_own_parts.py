@@ -21,7 +21,7 @@ from fullam.numbers.kernel import Number, kernel
 from fullam.numbers.vectors import ZERO, subtract
 from fullam.simulation import fused
 from fullam.simulation.many import fly_many
-from fullam.simulation.run import COLUMNS
+from fullam.simulation.record.run import COLUMNS
 from fullam.simulation.simulate import fly_by_python, prepare
 
 # A law as one writes it: what it knows, what it remembers, what it does.

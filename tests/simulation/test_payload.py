@@ -16,11 +16,11 @@ from fullam.model.chain import LinkChain
 from fullam.model.loading import load_vehicle
 from fullam.numbers.records import flat
 from fullam.simulation.flight import Flight
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.many import fly_many
-from fullam.simulation.payload import LoadView, Payload, load, load_rows
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.references import Step
+from fullam.simulation.payloads.payload import LoadView, Payload, load, load_rows
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM, PAPER
 

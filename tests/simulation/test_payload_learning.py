@@ -8,14 +8,14 @@ import pytest
 
 from fullam.control.law_stage import LawStage
 from fullam.exceptions import ScenarioError, UnknownName
-from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.block import Block
 from fullam.simulation.fused import Fused
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.many import fly_many
-from fullam.simulation.payload import Payload
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.references import Step
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.tables import Tables
 from fullam.simulation.weather import CALM, PAPER

@@ -8,7 +8,7 @@ from fullam.dynamics.integrators import INTEGRATORS, integrator
 from fullam.dynamics.pose_space import pose_from_euler
 from fullam.exceptions import UnknownName
 from fullam.model.loading import load_vehicle
-from fullam.simulation.arm_motion import ArmTable, HoldArm, SineRate
+from fullam.simulation.motions.arm_motion import ArmTable, HoldArm, SineRate
 
 ABA_TOLERANCE = 1e-9
 """Relative. ABA inverts the joint-space inertia link by link, the plant solves six rows;

@@ -14,7 +14,7 @@ from fullam.control.controllers import (
 from fullam.control.estimators import estimator_names
 from fullam.control.law import KernelLaw
 from fullam.control.pid import Pid
-from fullam.simulation.refly import plan_of, refly
+from fullam.simulation.record.refly import plan_of, refly
 
 OWN = {"dc-pid-plus": "kalman", "hybrid-force": "kalman", "admittance": "kalman"}
 

@@ -5,8 +5,8 @@ import pytest
 
 from fullam.dynamics.pose_space import euler_from_pose, pose_from_euler
 from fullam.exceptions import ScenarioError, UnknownName
-from fullam.simulation import references
-from fullam.simulation.references import (
+from fullam.simulation.motions import references
+from fullam.simulation.motions.references import (
     Circle,
     ReferenceTable,
     Step,

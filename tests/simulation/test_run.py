@@ -10,10 +10,10 @@ import pytest
 import fullam
 from fullam.exceptions import Diverged, RunFileError, ScenarioError, SettingsError, UnknownName
 from fullam.model.perturbation import Uncertainty, perturb
-from fullam.simulation.refly import refly
-from fullam.simulation.run import COLUMNS, Run
+from fullam.simulation.motions.shaping import Shaping
+from fullam.simulation.record.refly import refly
+from fullam.simulation.record.run import COLUMNS, Run
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.shaping import Shaping
 
 
 @pytest.fixture(scope="module")

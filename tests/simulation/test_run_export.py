@@ -9,8 +9,8 @@ import pytest
 import fullam
 from fullam.cli import main
 from fullam.exceptions import MissingDependency, RunFileError
-from fullam.simulation.run import COLUMNS, Run
-from fullam.simulation.run_tables import columns_of, units_of
+from fullam.simulation.record.run import COLUMNS, Run
+from fullam.simulation.record.tables import columns_of, units_of
 
 pandas = pytest.importorskip("pandas", reason="the extra 'export' is not installed")
 xarray = pytest.importorskip("xarray", reason="the extra 'export' is not installed")
@@ -197,7 +197,7 @@ def test_a_missing_library_is_an_error_that_names_the_extra(
 
 def test_a_slide_is_in_metres():
     """The unit of a prismatic joint's column is its own."""
-    from fullam.simulation.run_tables import _units
+    from fullam.simulation.record.tables import _units
 
     assert _units("m, rad", ("slide", "turn")) == ("m", "rad")
     assert _units("rad", ("a", "b")) == ("rad", "rad")

@@ -5,9 +5,9 @@ import pytest
 
 import fullam
 from fullam.exceptions import NotFullyActuated, ScenarioError, UnknownName
-from fullam.simulation.arm_motion import HoldArm, SineRate
-from fullam.simulation.scenario import Scenario, load_scenario, scenario_names
-from fullam.simulation.shaping import Shaping
+from fullam.simulation.motions.arm_motion import HoldArm, SineRate
+from fullam.simulation.motions.shaping import Shaping
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario, scenario_names
 from fullam.simulation.simulate import prepare
 from fullam.simulation.weather import CALM
 

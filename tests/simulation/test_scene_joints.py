@@ -10,16 +10,16 @@ import fullam
 from fullam.analysis.scene_motion import scene_motions
 from fullam.cli import main
 from fullam.exceptions import RunFileError, UnknownName
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.references import Step
-from fullam.simulation.refly import refly
-from fullam.simulation.run import Run
-from fullam.simulation.run_tables import columns_of, units_of
-from fullam.simulation.scenario import Scenario
-from fullam.simulation.scene_joints import SceneJoint, named
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.motions.references import Step
+from fullam.simulation.record.refly import refly
+from fullam.simulation.record.run import Run
+from fullam.simulation.record.tables import columns_of, units_of
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM
-from fullam.simulation.world_file import WorldFile
+from fullam.simulation.world.scene_joints import SceneJoint, named
+from fullam.simulation.world.world_file import WorldFile
 
 SCENE = """
 <mujoco model="things">

@@ -11,7 +11,7 @@ from fullam.dynamics.spatial import Pose, Spatial
 from fullam.model.loading import load_vehicle
 from fullam.numbers.records import Rows, record
 from fullam.numbers.vectors import ZERO
-from fullam.simulation.arm_motion import HoldArm
+from fullam.simulation.motions.arm_motion import HoldArm
 from fullam.simulation.sensors import keep_pose, sense_inertial, sense_pose
 from fullam.simulation.weather import RECORDED, forecast
 

@@ -16,16 +16,15 @@ from fullam.dynamics.servo import ServoNumbers, read_encoder, servo_torque
 from fullam.exceptions import ScenarioError, SettingsError, UnknownName, VehicleError
 from fullam.model.loading import load_vehicle
 from fullam.model.vehicle import Vehicle
-from fullam.simulation import servo_motion
-from fullam.simulation.arm_motion import ArmTable, SineRate
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.many import fly_many
-from fullam.simulation.plant_settings import PLANT_SETTINGS
-from fullam.simulation.plants import PLANTS
-from fullam.simulation.refly import refly
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import AXES
-from fullam.simulation.servo_motion import servo_stage
+from fullam.simulation.motions.arm_motion import ArmTable, SineRate
+from fullam.simulation.plants.named import PLANTS, servo_motion
+from fullam.simulation.plants.servo_motion import servo_stage
+from fullam.simulation.plants.settings import PLANT_SETTINGS
+from fullam.simulation.record.refly import refly
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import AXES
 from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.simulate import prepare, simulate
 from fullam.viz.viewer.replay import Reel

@@ -20,7 +20,7 @@ from fullam.simulation.block import Block
 from fullam.simulation.flight import Flight
 from fullam.simulation.flight_plan import datasheet
 from fullam.simulation.many import fly_many
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 from fullam.simulation.sensor_errors import EXACT, MPU6050, SensorErrors
 from fullam.simulation.simulate import prepare
 from fullam.simulation.tables import Tables

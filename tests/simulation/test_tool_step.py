@@ -13,8 +13,8 @@ from scipy.linalg import null_space
 from scipy.optimize import lsq_linear
 
 import fullam
-from fullam.simulation.tool_kinematics import ToolKinematics
-from fullam.simulation.tool_step import RateSolver, RateTask
+from fullam.simulation.tool.kinematics import ToolKinematics
+from fullam.simulation.tool.step import RateSolver, RateTask
 
 VEHICLE = fullam.load_vehicle("fullam")
 N = 6 + VEHICLE.n_arm

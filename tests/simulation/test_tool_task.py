@@ -12,18 +12,18 @@ from fullam.analysis.judged import fly_judged
 from fullam.analysis.tool_error import AskedTool
 from fullam.dynamics.pose_space import euler_from_pose, pose_from_euler
 from fullam.exceptions import ScenarioError
-from fullam.simulation import arm_motion
-from fullam.simulation.arm_motion import SineRate
 from fullam.simulation.many import fly_many
-from fullam.simulation.run import COLUMNS, Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.motions import arm_motion
+from fullam.simulation.motions.arm_motion import SineRate
+from fullam.simulation.motions.trajectory import Trajectory
+from fullam.simulation.record.run import COLUMNS, Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.simulate import fly_by_python, prepare
-from fullam.simulation.tool_kinematics import ToolKinematics
-from fullam.simulation.tool_paths import CirclePath, LinePath, SquarePath
-from fullam.simulation.tool_solution import solve_tool
-from fullam.simulation.tool_task import ToolTask
-from fullam.simulation.tool_weights import ToolWeights
-from fullam.simulation.trajectory import Trajectory
+from fullam.simulation.tool.kinematics import ToolKinematics
+from fullam.simulation.tool.paths import CirclePath, LinePath, SquarePath
+from fullam.simulation.tool.solution import solve_tool
+from fullam.simulation.tool.task import ToolTask
+from fullam.simulation.tool.weights import ToolWeights
 
 ARM = (-90.0, 0.0, -45.0, 0.0)
 CURVE = Trajectory.b_spline([[5, 5, 5], [5.1, 5, 5], [5.1, 5.2, 5.1], [5, 5, 5]], [0, 1, 2, 3])

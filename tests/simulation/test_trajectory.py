@@ -11,11 +11,11 @@ import fullam
 from fullam.dynamics import quaternions
 from fullam.dynamics.pose_space import euler_from_pose, pose_from_euler
 from fullam.exceptions import ScenarioError
-from fullam.simulation import references
-from fullam.simulation.joint_trajectory import JointTrajectory
-from fullam.simulation.references import tabulate
-from fullam.simulation.shaping import SHAPED, Shaping
-from fullam.simulation.trajectory import Trajectory
+from fullam.simulation.motions import references
+from fullam.simulation.motions.joint_trajectory import JointTrajectory
+from fullam.simulation.motions.references import tabulate
+from fullam.simulation.motions.shaping import SHAPED, Shaping
+from fullam.simulation.motions.trajectory import Trajectory
 
 START = pose_from_euler(np.array([0.0, 0.0, 1.0]), np.zeros(3))
 H, CLOSE = 1e-4, 2e-6

@@ -9,11 +9,11 @@ import fullam
 from fullam import cli
 from fullam.dynamics import quaternions
 from fullam.dynamics.rotations import quaternion_rotation
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.many import fly_many
-from fullam.simulation.references import ReferenceTable
-from fullam.simulation.refly import refly
-from fullam.simulation.shaping import SHAPED
+from fullam.simulation.motions.references import ReferenceTable
+from fullam.simulation.motions.shaping import SHAPED
+from fullam.simulation.record.refly import refly
 from fullam.simulation.trimmed import blended, trimmed
 
 SEEDS = range(5)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fullam.simulation import turn_valve
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.scenarios import turn_valve
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
+from fullam.simulation.scenarios.turn_valve import FRICTION, HINGE, PLAY, RADIUS, hoop_angle
 from fullam.simulation.simulate import prepare, simulate
-from fullam.simulation.turn_valve import FRICTION, HINGE, PLAY, RADIUS, hoop_angle
 from fullam.simulation.weather import CALM, PAPER
 
 VALVE = load_scenario("turn-valve")

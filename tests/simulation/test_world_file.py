@@ -8,17 +8,17 @@ import pytest
 
 from fullam.exceptions import ScenarioError
 from fullam.model.loading import load_vehicle, vehicle_path
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.mujoco_engine import Engine
-from fullam.simulation.peg_in_hole import BOTTOM, FACE, PEG
-from fullam.simulation.references import Step
-from fullam.simulation.refly import refly
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.motions.references import Step
+from fullam.simulation.mujoco.engine import Engine
+from fullam.simulation.record.refly import refly
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.peg_in_hole import BOTTOM, FACE, PEG
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
 from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM
-from fullam.simulation.world import Box
-from fullam.simulation.world_file import WorldFile
+from fullam.simulation.world.surfaces import Box
+from fullam.simulation.world.world_file import WorldFile
 
 ROOM = """
 <mujoco model="room">

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fullam.exceptions import InvalidInput
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.motions.references import Step
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import simulate
 from fullam.viz import style
 from fullam.viz.figures import FIGURES, compare, figure_pose, figure_residual, save_figure

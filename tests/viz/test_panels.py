@@ -6,9 +6,9 @@ import pytest
 
 import fullam
 from fullam.exceptions import InvalidInput, UnknownName
-from fullam.simulation.interaction import AHEAD_DEG, HOME, YAW_DEG
+from fullam.simulation.scenarios.interaction import AHEAD_DEG, HOME, YAW_DEG
 from fullam.simulation.weather import CALM
-from fullam.simulation.world import Plane
+from fullam.simulation.world.surfaces import Plane
 from fullam.viz.figures import overview
 from fullam.viz.panels import PANELS, plot
 

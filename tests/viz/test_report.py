@@ -15,7 +15,7 @@ from fullam.analysis.evidence import judge
 from fullam.analysis.lost import LostFlight
 from fullam.analysis.recorded import PUBLISHED, READINGS
 from fullam.analysis.reproduce import CONDITIONS, command
-from fullam.simulation.scenario import load_scenario
+from fullam.simulation.scenarios.scenario import load_scenario
 from fullam.viz import report_lost
 from fullam.viz.report import write_report
 from fullam.viz.report_tables import number

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fullam
-from fullam.simulation.free import plan_of
-from fullam.simulation.refly import hand_forces
+from fullam.simulation.hands.free import plan_of
+from fullam.simulation.record.refly import hand_forces
 from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.live import LiveFlight
 from fullam.viz.viewer.server import ViewerServer

@@ -10,15 +10,15 @@ import pinocchio as pin
 import pytest
 
 from fullam.exceptions import FullamWarning, MissingDependency
-from fullam.simulation import mujoco_scene
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.references import Step
-from fullam.simulation.run import Run
-from fullam.simulation.scenario import Scenario, load_scenario
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.motions.references import Step
+from fullam.simulation.mujoco import scene as mujoco_scene
+from fullam.simulation.record.run import Run
+from fullam.simulation.scenarios.scenario import Scenario, load_scenario
+from fullam.simulation.scenarios.turn_valve import HINGE, HOOP, PIN, RADIUS
 from fullam.simulation.simulate import prepare, simulate
-from fullam.simulation.turn_valve import HINGE, HOOP, PIN, RADIUS
 from fullam.simulation.weather import CALM
-from fullam.simulation.world_file import WorldFile
+from fullam.simulation.world.world_file import WorldFile
 from fullam.viz.viewer import mjcf
 from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.export import write_html

@@ -18,7 +18,7 @@ import tornado.web
 import tornado.websocket
 from tornado.websocket import websocket_connect
 
-from fullam.simulation.free import plan_of
+from fullam.simulation.hands.free import plan_of
 from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.frame import frame_html
 from fullam.viz.viewer.handlers import BURST, MOST_BYTES, MOST_PAGES

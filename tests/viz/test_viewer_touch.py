@@ -9,16 +9,16 @@ import pinocchio as pin
 import pytest
 
 import fullam
-from fullam.simulation.interaction import AHEAD_DEG, HOME, YAW_DEG
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.payload import Payload
-from fullam.simulation.references import Step
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.motions.references import Step
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.scenarios.interaction import AHEAD_DEG, HOME, YAW_DEG
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import prepare, simulate
-from fullam.simulation.tool_paths import CirclePath
-from fullam.simulation.tool_task import ToolTask
+from fullam.simulation.tool.paths import CirclePath
+from fullam.simulation.tool.task import ToolTask
 from fullam.simulation.weather import CALM
-from fullam.simulation.world import Box, Plane, Sphere
+from fullam.simulation.world.surfaces import Box, Plane, Sphere
 from fullam.viz.viewer import scenery as scenery_module
 from fullam.viz.viewer.export import write_html
 from fullam.viz.viewer.live import LiveFlight

@@ -23,7 +23,7 @@ from fullam.exceptions import FullamError, InvalidInput
 from fullam.numbers.blas import one_blas_thread
 from fullam.numbers.records import flat
 from fullam.simulation.flight_plan import FlightPlan
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.weather import WEATHERS
 from fullam.viz.viewer.orders import Orders, Transport
 from fullam.viz.viewer.replay import propeller_rates
@@ -32,7 +32,7 @@ from fullam.viz.viewer.scenery import Scenery
 from fullam.viz.viewer.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
     from fullam.viz.viewer.server import ViewerServer
 
 Array = NDArray[np.float64]

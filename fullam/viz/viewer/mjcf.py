@@ -17,10 +17,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.exceptions import FullamWarning, MissingDependency, ScenarioError
-from fullam.simulation.mujoco_scene import HOLDER, XYZW, scene_joints, scene_model
-from fullam.simulation.mujoco_spec import load_mujoco
-from fullam.simulation.scene_joints import SceneJoint
-from fullam.simulation.world_file import WorldFile
+from fullam.simulation.mujoco.scene import HOLDER, XYZW, scene_joints, scene_model
+from fullam.simulation.mujoco.spec import load_mujoco
+from fullam.simulation.world.scene_joints import SceneJoint
+from fullam.simulation.world.world_file import WorldFile
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.shapes import Shape
 

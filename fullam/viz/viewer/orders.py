@@ -4,7 +4,7 @@ A page sends small JSON tables. Those with "do" steer the clock,
 
     play, pause, step, speed (value), scrub (time), restart (seed), leave
 
-and those with "act" are interventions (`fullam.simulation.interventions`), to which "settings"
+and those with "act" are interventions (`simulation.hands.interventions`), to which "settings"
 of the present law and "pull"s are added. They are put in a queue by the server's thread and
 obeyed by the flight's; an order that makes no sense is answered by a note and changes nothing.
 """
@@ -22,7 +22,7 @@ from fullam.control.controllers import controller_names, plain_settings
 from fullam.control.dc_pid import COMPENSATIONS
 from fullam.control.estimators import estimator_names
 from fullam.exceptions import FullamError, InvalidInput
-from fullam.simulation.interactive import InteractiveFlight
+from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.weather import WEATHERS, Weather
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fullam.analysis.captions import weather_caption
 from fullam.exceptions import InvalidInput
-from fullam.simulation.refly import hand_forces
+from fullam.simulation.record.refly import hand_forces
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.scene import SPIN_RATE, Scene, VehicleScene
 from fullam.viz.viewer.scenery import Scenery
@@ -19,7 +19,7 @@ from fullam.viz.viewer.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
-    from fullam.simulation.run import Run
+    from fullam.simulation.record.run import Run
 
 Array = NDArray[np.float64]
 

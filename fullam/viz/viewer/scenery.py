@@ -11,17 +11,17 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.dynamics.multibody import Multibody
-from fullam.simulation.payload import Payload
-from fullam.simulation.scene_joints import SceneJoint
-from fullam.simulation.tool_kinematics import ToolKinematics
-from fullam.simulation.world import Box, Plane, Sphere, Surface
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.tool.kinematics import ToolKinematics
+from fullam.simulation.world.scene_joints import SceneJoint
+from fullam.simulation.world.surfaces import Box, Plane, Sphere, Surface
 from fullam.viz.viewer import shapes
 from fullam.viz.viewer.mjcf import DrawnScene, drawn_scene
 from fullam.viz.viewer.shapes import Shape
 
 if TYPE_CHECKING:
     from fullam.model.vehicle import Vehicle
-    from fullam.simulation.scenario import Scenario
+    from fullam.simulation.scenarios.scenario import Scenario
 
 Array = NDArray[np.float64]
 

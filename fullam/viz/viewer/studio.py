@@ -6,9 +6,9 @@ import threading
 from typing import Unpack
 
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.free import plan_of
-from fullam.simulation.interactive import InteractiveFlight
-from fullam.simulation.scenario import Scenario
+from fullam.simulation.hands.free import plan_of
+from fullam.simulation.hands.interactive import InteractiveFlight
+from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.simulate import Choices
 from fullam.viz.viewer.frame import frame_html
 from fullam.viz.viewer.live import LiveFlight

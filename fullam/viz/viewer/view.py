@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fullam.exceptions import FullamError, InvalidInput
 from fullam.model.vehicle import Vehicle
-from fullam.simulation.run import Run
+from fullam.simulation.record.run import Run
 from fullam.viz.viewer import export
 from fullam.viz.viewer.frame import in_a_frame
 from fullam.viz.viewer.page import film_page

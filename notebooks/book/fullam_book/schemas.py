@@ -11,16 +11,18 @@ from fullam.model.definition_keys import Key
 from fullam.model.design import VehicleDesign
 from fullam.model.loading import vehicle_path
 from fullam.model.perturbation import DEFAULT_PARAMETERS, PARAMETERS, Uncertainty
-from fullam.simulation import arm_motion, references, tool_task, world
-from fullam.simulation.joint_trajectory import JointTrajectory
-from fullam.simulation.payload import Payload
-from fullam.simulation.scenario import AXES, Scenario
+from fullam.simulation.motions import arm_motion, references
+from fullam.simulation.motions.joint_trajectory import JointTrajectory
+from fullam.simulation.motions.shaping import Shaping
+from fullam.simulation.motions.trajectory import Trajectory
+from fullam.simulation.payloads.payload import Payload
+from fullam.simulation.scenarios.scenario import AXES, Scenario
 from fullam.simulation.sensor_errors import SensorErrors
 from fullam.simulation.settings import SimulationSettings
-from fullam.simulation.shaping import Shaping
-from fullam.simulation.tool_task import ToolTask
-from fullam.simulation.trajectory import Trajectory
+from fullam.simulation.tool import task as tool_task
+from fullam.simulation.tool.task import ToolTask
 from fullam.simulation.weather import WEATHERS, Weather
+from fullam.simulation.world.surfaces import surfaces as world
 from fullam_book.tables import markdown, of_dataclass, of_keys, of_maker, summary
 
 VEHICLE_TABLES = (

@@ -1,0 +1,1 @@
+"""What platform and arm are asked to do: references, arm motions, and what shapes them."""

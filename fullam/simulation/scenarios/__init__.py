@@ -1,0 +1,1 @@
+"""Experiments as data, and those that have a name."""

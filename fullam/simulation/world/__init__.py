@@ -1,0 +1,1 @@
+"""What stands around a flight, and what it does to the tool."""
