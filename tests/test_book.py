@@ -22,7 +22,7 @@ from fullam.model.composition import compose
 from fullam.model.loading import read_urdf
 from fullam.simulation.motions import arm_motion, references
 from fullam.simulation.motions.references import from_dict
-from fullam.simulation.world.surfaces import surfaces as world
+from fullam.simulation.world import surfaces as world
 from fullam.viz.viewer.browser import Browser, chromium_path
 
 ROOT = Path(__file__).parents[1]

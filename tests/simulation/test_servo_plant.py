@@ -19,7 +19,8 @@ from fullam.model.vehicle import Vehicle
 from fullam.simulation.hands.interactive import InteractiveFlight
 from fullam.simulation.many import fly_many
 from fullam.simulation.motions.arm_motion import ArmTable, SineRate
-from fullam.simulation.plants.named import PLANTS, servo_motion
+from fullam.simulation.plants import servo_motion
+from fullam.simulation.plants.named import PLANTS
 from fullam.simulation.plants.servo_motion import servo_stage
 from fullam.simulation.plants.settings import PLANT_SETTINGS
 from fullam.simulation.record.refly import refly

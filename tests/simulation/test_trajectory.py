@@ -197,6 +197,10 @@ BAD = {
     "neither": (lambda: Trajectory.minimum_snap(np.eye(3)), "neither of them given"),
     "both times": (lambda: Trajectory.minimum_snap(np.eye(3), [0, 1, 2], 1.0), "both of them"),
     "one place": (lambda: Trajectory.minimum_snap(np.zeros((2, 3)), speed=1.0), "at one place"),
+    "for ever": (
+        lambda: Trajectory.minimum_snap(np.eye(3), speed=1e-308),
+        "speed: is 1e-308 per second, at which the way takes inf s; arrive within 1e",
+    ),
     "no speed": (lambda: Trajectory.minimum_snap(np.eye(3), speed=0.0), "speed: is 0.0"),
     "degree": (lambda: Trajectory.b_spline(np.eye(3), [0, 1, 2], degree=4), "degree: is 4"),
     "ends": (lambda: Trajectory.from_arrays([0, 1], np.zeros((2, 3)), ends="x"), "ends: is 'x'"),

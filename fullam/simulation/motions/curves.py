@@ -31,6 +31,9 @@ LOOKS = (0.25, 0.5, 0.75)
 SAMPLES = 200
 """Looks at a curve between two rows, for its largest speed."""
 
+LONGEST = 1e6
+"""Nobody means a motion that takes longer [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -120,7 +123,7 @@ def timed(
         largest: Take the largest of the n parts for a length, and not their Euclidean norm.
 
     Raises:
-        InvalidInput: Two neighbouring waypoints are at one place.
+        InvalidInput: Two neighbouring waypoints are at one place, or it would take for ever.
     """
     order = np.inf if largest else 2
     ways = np.linalg.norm(np.diff(waypoints, axis=0), ord=order, axis=1)
@@ -131,7 +134,12 @@ def timed(
     looks = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(times)])
     _, velocity, _ = spline(times, waypoints, degree, "rest", check).at(looks)
     peak = np.linalg.norm(velocity, ord=order, axis=1).max()
-    return np.asarray(times * (peak / speed))
+    with np.errstate(over="ignore"):
+        times = times * (peak / speed)
+    if not times[-1] <= LONGEST:
+        problem = f"is {speed:g} per second, at which the way takes {times[-1]:g} s"
+        raise check.refuse("speed", problem, f"arrive within {LONGEST:g} s")
+    return np.asarray(times)
 
 
 def _curve(times: Array, found: Any) -> Curve:

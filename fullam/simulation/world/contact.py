@@ -1,4 +1,4 @@
-"""Contact of the tool's point with the world, as kernels; `surfaces` has the law and its symbols."""
+"""Contact of the tool's point with the world, as kernels; `surfaces` has the law."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def world_force(world, p, v):
 
 @kernel
 def touch(world, links, arm, pose, twist):
-    """Push of the world on the last link about the origin of {A}, {A} axes; see `plants.servo_motion`."""
+    """Push of the world on the last link about the origin of {A}, {A} axes, for `servo_motion`."""
     place, force = tool_force(world, arm, pose, twist)
     pushed = rotate_back(rotation_matrix(pose.attitude), force)
     return Spatial(pushed, cross(place, pushed))

@@ -22,7 +22,7 @@ from fullam.simulation.settings import SimulationSettings
 from fullam.simulation.tool import task as tool_task
 from fullam.simulation.tool.task import ToolTask
 from fullam.simulation.weather import WEATHERS, Weather
-from fullam.simulation.world.surfaces import surfaces as world
+from fullam.simulation.world import surfaces as world
 from fullam_book.tables import markdown, of_dataclass, of_keys, of_maker, summary
 
 VEHICLE_TABLES = (
