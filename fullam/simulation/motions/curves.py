@@ -135,11 +135,12 @@ def timed(
     _, velocity, _ = spline(times, waypoints, degree, "rest", check).at(looks)
     peak = np.linalg.norm(velocity, ord=order, axis=1).max()
     with np.errstate(over="ignore"):
-        times = times * (peak / speed)
-    if not times[-1] <= LONGEST:
-        problem = f"is {speed:g} per second, at which the way takes {times[-1]:g} s"
+        slower = peak / speed
+        last = times[-1] * slower
+    if not last <= LONGEST:
+        problem = f"is {speed:g} per second, at which the way takes {last:g} s"
         raise check.refuse("speed", problem, f"arrive within {LONGEST:g} s")
-    return np.asarray(times)
+    return np.asarray(times * slower)
 
 
 def _curve(times: Array, found: Any) -> Curve:
