@@ -4,8 +4,8 @@ Pairs of shapes touch each other explicitly: the tool's with the scenario's surf
 shape of the scene that collides at all. Nothing else of the vehicle touches anything.
 
 A scenario's surface (`world.surfaces`) is a spring of Hertz's law, damped as Hunt and Crossley have
-it; MuJoCo's contact is a constraint that gives way, f = (a_ref - a_0) / (A + R), where A tells how the
-contact's point yields to force, A^ its estimate, R = (1 - d) / d A^ and a_ref = -b v - k r for a
+it; MuJoCo's contact is a constraint that gives way, f = (a_ref - a_0) / (A + R), where A tells how
+the contact's point yields to force, A^ its estimate, R = (1 - d) / d A^ and a_ref = -b v - k r for a
 depth r. With an impedance d as small as `IMPEDANCE`, R is so much larger than A that f = a_ref / R
 whatever moves: a spring k / R and a damper b / R, which have the surface's secant stiffness and its
 damping under the load `LOAD`. In the same way friction is a damper mu LOAD / s along the surface,
