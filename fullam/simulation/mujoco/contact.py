@@ -5,12 +5,13 @@ shape of the scene that collides at all. Nothing else of the vehicle touches any
 
 A scenario's surface (`world.surfaces`) is a spring of Hertz's law, damped as Hunt and Crossley have
 it; MuJoCo's contact is a constraint that gives way, f = (a_ref - a_0) / (A + R), where A tells how
-the contact's point yields to force, A^ its estimate, R = (1 - d) / d A^ and a_ref = -b v - k r for a
-depth r. With an impedance d as small as `IMPEDANCE`, R is so much larger than A that f = a_ref / R
-whatever moves: a spring k / R and a damper b / R, which have the surface's secant stiffness and its
-damping under the load `LOAD`. In the same way friction is a damper mu LOAD / s along the surface,
-until it slips. Friction's own R is smaller by `IMPRATIO`, so that what is cut off at the cone takes
-next to nothing to the normal: with equal ones the convex cone lifts what slides off the surface.
+the contact's point yields to force, A^ its estimate, R = (1 - d) / d A^ and a_ref = -b v - k r for
+a depth r. With an impedance d as small as `IMPEDANCE`, R is so much larger than A that f = a_ref /
+R whatever moves: a spring k / R and a damper b / R, which have the surface's secant stiffness and
+its damping under the load `LOAD`. In the same way friction is a damper mu LOAD / s along the
+surface, until it slips. Friction's own R is smaller by `IMPRATIO`, so that what is cut off at the
+cone takes next to nothing to the normal: with equal ones the convex cone lifts what slides off the
+surface.
 
 A scene's own shapes keep their own material, stiff by default; there a reference for friction that
 is ten times slower than the normal one's keeps the tool on the surface (`SLIDING`).
