@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import signal
+import sys
 import tempfile
 import warnings
 from collections import Counter
@@ -17,6 +18,7 @@ from hypothesis import strategies as st
 
 import fullam
 from fullam.exceptions import FullamError, FullamWarning
+from fullam.ownership import LOADED, withdraw
 from fullam.simulation.record.run import Run
 from fullam.simulation.scenarios.scenario import Scenario
 from fullam.simulation.world.world_file import WorldFile
@@ -59,6 +61,16 @@ def patience(seconds: int = PATIENCE) -> Iterator[None]:
         for number, clock in clocks.items():
             signal.setitimer(clock, 0.0)
             signal.signal(number, before[number])
+
+
+def forget_plugins() -> None:
+    """Withdraw all plugins, and their modules."""
+    while LOADED:
+        source, plugin = LOADED.popitem()
+        withdraw(plugin)
+        for name, module in list(sys.modules.items()):
+            if str(getattr(module, "__file__", "")) == source:
+                del sys.modules[name]
 
 
 def answered(call: Callable[[], Any]) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 
 import api_flights
 import numpy as np
-from answers import PATIENCE, Hang, patience
+from answers import PATIENCE, Hang, forget_plugins, patience
 
 from fullam.analysis.agreement import agreement
 from fullam.analysis.campaign import Campaign
@@ -200,6 +200,7 @@ def failures() -> tuple[int, list[str]]:
     """
     with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
         count, found = _called()
+        forget_plugins()
         # "x" is among the wrong values, and is a path where a path is wanted.
         left = {path.name for path in Path().iterdir()} - {"x"}
         found += [f"left behind: {name}" for name in sorted(left)]

@@ -7,17 +7,15 @@ import io
 import json
 import re
 import shutil
-import sys
 import time
 import warnings
 
-from answers import PATIENCE, Hang, folder, patience, whole_run
+from answers import PATIENCE, Hang, folder, forget_plugins, patience, whole_run
 from hypothesis import strategies as st
 from values import document
 
 from fullam.cli import main
 from fullam.cli.scaffolding import TEMPLATES
-from fullam.ownership import LOADED, withdraw
 
 COMPILING = 120
 """What takes longer hangs, even if it has to be compiled [s]."""
@@ -141,10 +139,6 @@ def attack_command(case: list[str]) -> None:
         json.loads(out)
 
 
-def _file(module: object) -> str:
-    return str(getattr(module, "__file__", ""))
-
-
 def run(case: list[str]) -> tuple[int, str, str, float]:
     """Exit code, output and complaints of a command, and how long it took the processor [s]."""
     out, err, start = io.StringIO(), io.StringIO(), time.process_time()
@@ -158,9 +152,5 @@ def run(case: list[str]) -> tuple[int, str, str, float]:
         try:
             code = main(case)
         finally:
-            while LOADED:
-                source, plugin = LOADED.popitem()
-                withdraw(plugin)
-                for name in [n for n, m in sys.modules.items() if _file(m) == source]:
-                    del sys.modules[name]
+            forget_plugins()
     return code, out.getvalue(), err.getvalue(), time.process_time() - start
