@@ -36,6 +36,7 @@ from fullam.checks import Checker, Range, positive
 from fullam.dynamics.momentum_regressor import PER_BODY, MomentumRegressor, parameters
 from fullam.exceptions import SettingsError
 from fullam.model.bodies import body_tables
+from fullam.model.physics import body_inertia
 from fullam.model.rotors import Rotors, coupling_matrix
 from fullam.model.vehicle import Vehicle
 from fullam.simulation.record.run import Run
@@ -269,14 +270,15 @@ class _Prior:
 
 def _changes(body: pin.Inertia) -> Iterator[tuple[str, Array]]:
     """How the ten parameters of a body change with its mass, its inertia and its centre."""
-    own = pin.Inertia(body.mass, np.zeros(3), body.inertia).toDynamicParameters()
+    own = body_inertia(body.mass, np.zeros(3), body.inertia).toDynamicParameters()
     own[:4] = 0.0
     yield "mass", body.toDynamicParameters() - own
     yield "inertia", own
     for axis, unit in zip("xyz", np.eye(3), strict=True):
         # d/dc of [m, m c, I + m (|c|^2 1 - c c^T)]; quadratic, so central differences are exact.
         plus, minus = (
-            pin.Inertia(body.mass, body.lever + sign * 0.5 * unit, body.inertia) for sign in (1, -1)
+            body_inertia(body.mass, body.lever + sign * 0.5 * unit, body.inertia)
+            for sign in (1, -1)
         )
         yield f"center {axis}", plus.toDynamicParameters() - minus.toDynamicParameters()
 
@@ -337,7 +339,7 @@ def fitted(nominal: Vehicle, prior: _Prior, values: Array) -> Vehicle:
         body = nominal.model.inertias[index]
         # The first moment is m c f + m shift; a share of less than nothing is no body's.
         mass, inertia = max(mass, 0.01), max(inertia, 0.01)
-        model.inertias[index] = pin.Inertia(
+        model.inertias[index] = body_inertia(
             body.mass * mass, body.lever + np.array(shift) / mass, body.inertia * inertia
         )
     k_f, k_tau = np.maximum(values[5 * bodies :].reshape(2, -1), 0.01)

@@ -110,6 +110,7 @@ class CampaignStore:
             CampaignError: Result or parts belong to another campaign and `overwrite` is False.
         """
         self.check_name(path)
+        pa.array([0.0])  # brings in pandas, half a second: not while rows wait
         self.path = Path(path)
         self.parts = self.path.with_name(self.path.name + ".parts")
         self._identity = json.loads(canonical_json(identity))

@@ -24,7 +24,7 @@ from fullam.checks import FINITE, Checker, positive, within
 from fullam.exceptions import VehicleError
 from fullam.model import definition as read
 from fullam.model.definition_keys import BODY, names_of
-from fullam.model.physics import inertia_problem
+from fullam.model.physics import body_inertia, inertia_problem
 
 TRIANGLE = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 """Rows and columns of the six numbers of an inertia."""
@@ -68,9 +68,7 @@ def replace_bodies(definition: Mapping[str, Any], model: pin.Model, where: str) 
             raise VehicleError(
                 where, f"{field}.inertia", f"belongs to no body: {problem}", "measure it again"
             )
-        # Set, not given to be made of: that would refuse what rounding left below zero.
-        model.inertias[joint] = pin.Inertia(mass, np.array(center), np.eye(3))
-        model.inertias[joint].inertia = inertia
+        model.inertias[joint] = body_inertia(mass, np.array(center), inertia)
 
 
 def body_tables(model: pin.Model) -> list[dict[str, Any]]:

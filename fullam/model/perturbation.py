@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fullam.checks import Checker, Range, shown
 from fullam.exceptions import SettingsError, UnknownName
+from fullam.model.physics import body_inertia
 from fullam.model.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -128,7 +129,7 @@ def perturb(vehicle: Vehicle, uncertainty: Uncertainty, rng: np.random.Generator
         zip(masses, inertias, levers, strict=True), start=1
     ):
         body = model.inertias[index]
-        model.inertias[index] = pin.Inertia(
+        model.inertias[index] = body_inertia(
             body.mass * mass, body.lever * lever, body.inertia * (mass * inertia)
         )
     rotors = replace(

@@ -208,6 +208,22 @@ def _attribute(inertial: ElementTree.Element, tag: str, key: str, link: str, whe
     return Checker(where, VehicleError).number(field, value, within(MOST_INERTIA))
 
 
+def body_inertia(mass: float, center: Array, inertia: Array) -> pin.Inertia:
+    """A body as Pinocchio has it, whatever rounding left below zero in its inertia.
+
+    Pinocchio refuses such an inertia where a body is made of it, and takes it where it is set. What
+    is impossible is told by `inertia_problem`.
+
+    Args:
+        mass: [kg].
+        center: Centre of mass, shape (3,) [m].
+        inertia: About that, shape (3, 3) [kg m^2].
+    """
+    body = pin.Inertia(mass, np.asarray(center, dtype=float), np.eye(3))
+    body.inertia = inertia
+    return body
+
+
 def inertia_problem(inertia: Array, mass: float = 0.0) -> str | None:
     """What is impossible about a rotational inertia about the centre of mass, or None.
 

@@ -22,6 +22,7 @@ from fullam.model.bodies import replace_bodies
 from fullam.model.definition_keys import GRAVITY, VEHICLE, names_of
 from fullam.model.joints import ArmJoints
 from fullam.model.physics import (
+    body_inertia,
     check_bodies,
     check_joints,
     check_total_mass,
@@ -360,7 +361,7 @@ def _inertia(body: Mapping[str, Any], physics: str | None) -> pin.Inertia:
     problem = "a negative mass" if mass < 0.0 else inertia_problem(inertia, float(mass))
     if problem is not None and physics != "trust":
         raise ValueError(f"a body cannot exist: {problem}")
-    return pin.Inertia(float(mass), lever, 0.5 * (inertia + inertia.T))
+    return body_inertia(float(mass), lever, 0.5 * (inertia + inertia.T))
 
 
 def _body(inertia: pin.Inertia) -> dict[str, Any]:

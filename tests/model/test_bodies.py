@@ -6,6 +6,7 @@ import pytest
 from fullam.exceptions import VehicleError
 from fullam.model.bodies import body_tables
 from fullam.model.loading import load_vehicle
+from fullam.model.perturbation import Uncertainty, perturb
 from fullam.model.vehicle import Vehicle
 from fullam.model.writing import write_vehicle
 
@@ -28,7 +29,11 @@ def test_a_body_has_what_the_definition_says():
 
 def test_what_rounding_left_below_zero_is_taken_and_nonsense_on_trust():
     rod = {**BODY, "inertia": [-5e-94, 0.0, 0.0, 1e-3, 0.0, 1e-3]}
-    assert with_bodies(rod).model.inertias[3].inertia[0, 0] == -5e-94
+    vehicle = with_bodies(rod)
+    assert vehicle.model.inertias[3].inertia[0, 0] == -5e-94
+    again = Vehicle.from_data(vehicle.to_data())
+    for other in (again, perturb(again, Uncertainty(), np.random.default_rng(0))):
+        assert other.model.inertias[3].inertia[0, 0] < 0.0
     nobody = {**BODY, "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, -1e-3]}
     trusted = with_bodies(nobody, physics="trust")
     assert trusted.model.inertias[3].inertia[2, 2] == -1e-3

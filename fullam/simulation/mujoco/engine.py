@@ -12,12 +12,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from fullam.dynamics.recursion import JointMotion, Link
 from fullam.dynamics.so3 import rotation_matrix
 from fullam.dynamics.spatial import Pose, Spatial
+from fullam.model.physics import body_inertia
 from fullam.model.servos import Servos
 from fullam.model.vehicle import Vehicle
 from fullam.numbers.vectors import rotate, rotate_back
@@ -122,7 +122,7 @@ class Engine:
         inertia = np.zeros((3, 3))
         inertia[np.triu_indices(3)] = link.inertia
         inertia += np.triu(inertia, 1).T
-        own = pin.Inertia(link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T)
+        own = body_inertia(link.mass, frame @ np.array(link.com), frame @ inertia @ frame.T)
         set_inertia(moving_bodies(self._spec, self._vehicle, PREFIX)[-1], own)
         self._compile()
 
