@@ -188,7 +188,7 @@ class WorkerProcesses:
     @property
     def pids(self) -> list[int]:
         """Process numbers of the workers that run now."""
-        return [worker.process.pid for worker in self._workers.values()]
+        return [worker.process.pid for worker in list(self._workers.values())]
 
     def _look_after(self, k: int) -> None:
         while (task := self._tasks.get()) is not None and not self._closing:
@@ -213,7 +213,8 @@ class WorkerProcesses:
 
     def _bury(self, k: int, task: _Task) -> None:
         """A worker has died: its item goes to another, unless it has killed too many."""
-        worker = self._workers.pop(k, None)
+        with self._hiring:  # `close` goes through them
+            worker = self._workers.pop(k, None)
         if worker is None:
             return
         worker.kill()

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from fullam.analysis.campaign import Campaign, sweep  # noqa: E402
 from fullam.analysis.campaign_store import CampaignStore, open_store  # noqa: E402
 from fullam.analysis.campaign_table import read_campaign  # noqa: E402
 from fullam.analysis.cluster import Scheduler, map_in_order, open_workers  # noqa: E402
+from fullam.analysis.worker_processes import WorkerProcesses  # noqa: E402
 from fullam.exceptions import CampaignError, FullamWarning  # noqa: E402
 from fullam.simulation.scenarios.scenario import load_scenario  # noqa: E402
 
@@ -435,3 +437,23 @@ def test_many_small_parts_become_one(tmp_path, monkeypatch, one_job):
     sweep(CAMPAIGN, out, progress=lambda *_: most.append(len(list(parts.glob("*")))))
     assert max(most) <= 8 + 48 // 8
     assert out.read_bytes() == one_job.read_bytes()
+
+
+def test_workers_may_die_while_they_are_ended():
+    """A dictionary that changes while somebody goes through it raises."""
+    workers = WorkerProcesses(8)
+    buried = threading.Event()
+
+    class Dying:
+        def __init__(self, k: int) -> None:
+            self.k, self.process = k, self
+
+        def kill(self) -> None:
+            if not buried.is_set():  # the others' threads see their processes end now
+                buried.set()
+                threading.Thread(target=workers._bury, args=(7, None), daemon=True).start()
+                time.sleep(0.05)
+
+    workers._workers = {k: Dying(k) for k in range(8)}
+    workers.close()
+    assert workers._workers == {}
