@@ -20,7 +20,6 @@ from fullam.simulation.simulate import prepare, simulate
 from fullam.simulation.weather import CALM
 from fullam.simulation.world.world_file import WorldFile
 from fullam.viz.viewer import mjcf
-from fullam.viz.viewer.browser import Browser
 from fullam.viz.viewer.export import write_html
 from fullam.viz.viewer.live import LiveFlight
 from fullam.viz.viewer.mjcf import TILE, DrawnScene
@@ -65,21 +64,6 @@ ROOM = """
 def valve():
     """The beginning of a turn: by some degrees."""
     return simulate(replace(load_scenario("turn-valve"), weather=CALM, duration=7.0), "dc-pid-plus")
-
-
-@pytest.fixture(scope="module")
-def opened():
-    with Browser(480, 300, network=False) as browser:
-        yield browser
-
-
-@pytest.fixture
-def chromium(opened):
-    """The browser; a test during which a page complains of anything has failed."""
-    yield opened
-    opened.evaluate("1")  # what happened before has been told by now
-    complaints, opened.complaints = opened.complaints, []
-    assert complaints == []
 
 
 def placed(scene, frame, number=0):
