@@ -60,6 +60,7 @@ def open_store(
     CampaignStore.check_name(path)
     with locked(path):
         store = CampaignStore(path, identity, overwrite)
+        pa.array([0.0])  # brings in pandas, half a second: not while rows wait
         ended = threading.Event()
         writer = threading.Thread(target=_write_on, args=(store, ended), daemon=True)
         writer.start()
@@ -110,7 +111,6 @@ class CampaignStore:
             CampaignError: Result or parts belong to another campaign and `overwrite` is False.
         """
         self.check_name(path)
-        pa.array([0.0])  # brings in pandas, half a second: not while rows wait
         self.path = Path(path)
         self.parts = self.path.with_name(self.path.name + ".parts")
         self._identity = json.loads(canonical_json(identity))
